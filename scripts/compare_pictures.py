@@ -9,7 +9,7 @@ from pathlib import Path
 from PIL import Image
 
 from sysid.base import style
-from twin.compare.comparison import beside
+from twin.compare.comparison import twin_response
 from twin.compare.search import Trials
 from twin.compare.standins import stand_in
 from twin.compare.verdict import explain
@@ -35,7 +35,7 @@ def main() -> None:
     """The strip and the effects of one stand-in."""
     given = stand_in(*SHOWN)
     print(given.joint, given.size)
-    found = beside(given.log, given.joint)
+    found = twin_response(given.log, given.joint)
     traces = Traces(given.joint, found.t, found.u, found.y, found.twin)
     replay = Replay(Movement(found.t, {given.joint: found.y}), Movement(found.t, {given.joint: found.twin}))
     save(style.png(pictures.strip(replay, pictures.Names("log", "twin"), 6, traces)), "strip")

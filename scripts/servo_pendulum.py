@@ -18,7 +18,7 @@ from sysid.bench.methods.physical import servo_joint, servo_profile
 from sysid.bench.scenarios.real import HELD_OUT, servo_logs
 from sysid.structures import output_error
 from twin.calibrate.problem import Free, Record, Simulations
-from twin.calibrate.search import find
+from twin.calibrate.search import find_optimum
 from twin.pendulum import Pendulum, respond
 
 MASS, LENGTH = 0.49, 0.1  # kg, m: written in every log
@@ -60,7 +60,7 @@ def calibrated(train: list[tuple[str, IOData]], draws: int = 24) -> tuple[Pendul
     """The pendulum that follows the training logs best, and how the search went."""
     problem = Simulations(FREE, [record(*each) for each in train])
     began = time.perf_counter()
-    found = find(problem, np.random.default_rng(0), draws)
+    found = find_optimum(problem, np.random.default_rng(0), draws)
     values = problem.values(found.p)[: len(FREE)]
     rms = float(np.sqrt(found.cost / sum(problem.lengths)))
     told = {"seconds": time.perf_counter() - began, "training RMS [rad]": rms, "agreed": found.agreed}

@@ -45,7 +45,7 @@ def fit_stroke(experiment: Experiment, where: str = "inside", margin: float = 0.
     if isinstance(margin, bool) or not isinstance(margin, int | float) or not 0 <= margin <= 0.4:
         raise InputError(f"margin is {margin!r}; give a share of the stroke from 0 to 0.4")
     bench = _Bench(experiment, float(margin))
-    return bench.inside() if where == "inside" else bench.ends()
+    return bench.keep_inside() if where == "inside" else bench.reach_ends()
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,12 @@ class _Bench:
         self.voltage = e.mode == "voltage"
         self.offset = self.signal["offset"]
         self.full = self.stroke / self.truth.gain  # [V s] across the stroke, friction apart; [V] in servo mode
-        down, up = self.truth.breakaway_voltage
-        self.starts = max(-down, up) < e.p["supply_voltage"]
+        v_down, v_up = self.truth.breakaway_voltage
+        self.starts = max(-v_down, v_up) < e.p["supply_voltage"]
         # [V] what carries the load at mid stroke, and half of the voltages around it that friction swallows
-        self.balance, self.dead = (round((down + up) / 2, 4), (up - down) / 2) if self.starts else (self.offset, 0.0)
+        self.balance, self.dead = (
+            (round((v_down + v_up) / 2, 4), (v_up - v_down) / 2) if self.starts else (self.offset, 0.0)
+        )
         if not self.voltage:
             self.balance = self.offset
         self.most = e.p["supply_voltage"] if self.voltage else max(self.signal["amplitude"], 0.75 * self.full)
@@ -107,16 +109,16 @@ class _Bench:
 
     # Inside the stroke.
 
-    def inside(self) -> Experiment:
-        given = self.travel({})
-        if self._side(given) == 0:
-            self._check_moves(given)
+    def keep_inside(self) -> Experiment:
+        first_travel = self.travel({})
+        if self._side(first_travel) == 0:
+            self._check_moves(first_travel)
             return self.experiment
         best: Travel | None = None
         for setting in self._settings():
-            found = self._largest(setting)
-            if found and (best is None or found.width > best.width):
-                best = found
+            travel = self._largest(setting)
+            if travel and (best is None or travel.width > best.width):
+                best = travel
             if best and best.width >= ENOUGH:
                 break
         if best is None:
@@ -137,22 +139,22 @@ class _Bench:
         best, ok, bad = None, SMALLEST, 1.0
         guess = 1.0
         while bad / ok > 1.08 or best is None:
-            found = self._recentred(self._turned_down(setting, guess), self._side)
-            if found is None:
+            travel = self._centre(self._reduce(setting, guess), self._side)
+            if travel is None:
                 if guess <= SMALLEST:
                     return None
                 bad = guess
             else:
-                best, ok = found, guess
-                if guess == 1.0 or found.width > 0.85 * (1 - 2 * self.margin):
+                best, ok = travel, guess
+                if guess == 1.0 or travel.width > 0.85 * (1 - 2 * self.margin):
                     return best
             middle = float(np.sqrt(ok * bad)) if best or bad > 0.1 else SMALLEST
             # What moves grows a little faster than the setting, since friction takes its part off.
-            ahead = ok * (1 - 2 * self.margin) / best.width if best and best.width > 0.2 else np.inf
-            guess = min(max(ahead, ok * 1.05), middle) if best else middle
+            extrapolation = ok * (1 - 2 * self.margin) / best.width if best and best.width > 0.2 else np.inf
+            guess = min(max(extrapolation, ok * 1.05), middle) if best else middle
         return best
 
-    def _turned_down(self, setting: str, share: float) -> dict[str, Any]:
+    def _reduce(self, setting: str, share: float) -> dict[str, Any]:
         value = self.signal[setting]
         options: dict[str, Any] = {}
         if setting == "reach":
@@ -172,10 +174,10 @@ class _Bench:
         play = self.truth.backlash / self.stroke
         if travel.width - play >= MOVES:
             return
-        down, up = self.truth.breakaway_voltage
+        v_down, v_up = self.truth.breakaway_voltage
         amplitude = travel.options.get("amplitude", self.signal["amplitude"])
         if self.starts:
-            finding = f"its break-away voltages are {down:.3g} V and {up:.3g} V"
+            finding = f"its break-away voltages are {v_down:.3g} V and {v_up:.3g} V"
             advice = "give a larger amplitude"
         else:
             finding = f"and the supply's {self.most:.3g} V are below its break-away voltage"
@@ -187,23 +189,23 @@ class _Bench:
 
     # To both ends.
 
-    def ends(self) -> Experiment:
+    def reach_ends(self) -> Experiment:
         nearest = self.travel({})
-        for options in self._turned_up():
+        for options in self._increase():
             try:
-                found = self._recentred(options, self._missing)
-                nearest = max((*self.tried.values(), nearest), key=lambda each: each.width)
+                travel = self._centre(options, self._missing)
+                nearest = max((*self.tried.values(), nearest), key=lambda travel: travel.width)
             except InputError:  # a stretched time that no longer fits the record
                 break
-            if found:
-                return replace(self.experiment, options={**self.experiment.options, **found.options})
+            if travel:
+                return replace(self.experiment, options={**self.experiment.options, **travel.options})
         raise InputError(
             f"{self.name} does not reach both ends within {self.experiment.duration:g} s (with "
             f"{100 * self.margin:g} % less amplitude too), at best it moves from {nearest}; "
             f"give longer holds, lower frequencies or a longer record"
         )
 
-    def _turned_up(self) -> Iterator[dict[str, Any]]:
+    def _increase(self) -> Iterator[dict[str, Any]]:
         yield {}
         amplitude = self.signal["amplitude"]
         options: dict[str, Any] = {}
@@ -224,28 +226,28 @@ class _Bench:
         amplitude = travel.options.get("amplitude", self.signal["amplitude"])
         weaker = self.travel(travel.options | {"amplitude": amplitude * (1 - self.margin)})
         meets = [
-            all(each.high > 1 - TOUCH for each in (travel, weaker)),
-            all(each.low < TOUCH for each in (travel, weaker)),
+            all(run.high > 1 - TOUCH for run in (travel, weaker)),
+            all(run.low < TOUCH for run in (travel, weaker)),
         ]
         return 0 if all(meets) else meets[0] - meets[1] or 2
 
     # An offset for either.
 
-    def _recentred(self, options: dict[str, Any], side: Callable[[Travel], int]) -> Travel | None:
+    def _centre(self, options: dict[str, Any], side: Callable[[Travel], int]) -> Travel | None:
         """The first travel with side 0 over the offsets; None if none is found.
 
         A larger offset never moves a joint further down, so the offset is bracketed and then bisected.
         """
         bracket = [-np.inf, np.inf]
         for offset in self._offsets(bracket):
-            travel = self._shifted(options, offset)
-            where = side(travel)
-            if where == 0:
+            travel = self._travel_with_offset(options, offset)
+            position = side(travel)
+            if position == 0:
                 self.offset = offset
                 return travel
-            if where == 1:
+            if position == 1:
                 bracket[1] = min(bracket[1], offset)
-            elif where == -1:
+            elif position == -1:
                 bracket[0] = max(bracket[0], offset)
             elif np.isfinite(bracket).any():
                 return None
@@ -268,7 +270,7 @@ class _Bench:
                 return
             yield round(offset, 4)
 
-    def _shifted(self, options: dict[str, Any], offset: float) -> Travel:
+    def _travel_with_offset(self, options: dict[str, Any], offset: float) -> Travel:
         if offset != self.signal["offset"]:
             options = options | {"offset": offset}
             amplitude = options.get("amplitude", self.signal["amplitude"])

@@ -21,7 +21,7 @@ from twin.log import Log
 from twin.parameters import JOINTS, REALISATIONS, Parameters
 from twin.plant import slots
 from twin.plant.board import circuit, user_data
-from twin.plant.leg import BENCH_LEG, assembled, bench, check_switches, joints_of
+from twin.plant.leg import BENCH_LEG, bench, check_switches, joints_of, loop_positions
 from twin.plant.stepping import TIMESTEP, Run, step
 
 # Which of an excitation's settings a joint gets where the caller gives none: the shoulder crosses its stroke in 1.6 s,
@@ -73,9 +73,9 @@ class Experiment:
             raise InputError(f"parameters is a {type(self.parameters).__name__}; give a twin.Parameters")
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral) or self.seed < 0:
             raise InputError(f"seed is {self.seed!r}; give a whole number of at least 0")
-        for name, allowed in (("mode", MODES), ("pot_side", SIDES), ("realisation", REALISATIONS)):
-            if getattr(self, name) not in allowed:
-                raise unknown(name.replace("_", " "), getattr(self, name), allowed)
+        for name, choices in (("mode", MODES), ("pot_side", SIDES), ("realisation", REALISATIONS)):
+            if getattr(self, name) not in choices:
+                raise unknown(name.replace("_", " "), getattr(self, name), choices)
         self._check_times()
         for joint, signal in zip(self.joints, self.signals(), strict=True):  # unknown excitations and options end here
             self._check_level(joint, signal)
@@ -108,10 +108,10 @@ class Experiment:
         """Raises InputError if the signal exceeds the supply voltage or the potentiometer's range."""
         largest = abs(signal.amplitude) + abs(getattr(signal, "offset", 0.0))
         servo = self.mode == "servo"
-        limit, what = (self.p["pot_supply"] / 2, "potentiometer") if servo else (self.p["supply_voltage"], "supply")
+        limit, source = (self.p["pot_supply"] / 2, "potentiometer") if servo else (self.p["supply_voltage"], "supply")
         if largest > limit * (1 + 1e-9):
             raise InputError(
-                f"{self.excitation} on the {joint} reaches {largest:g} V, the {what} {limit:g} V; give a smaller "
+                f"{self.excitation} on the {joint} reaches {largest:g} V, the {source} {limit:g} V; give a smaller "
                 "amplitude or offset"
             )
 
@@ -143,18 +143,18 @@ class Experiment:
         if self.excitation not in excitations.TABLE:
             raise unknown("excitation", self.excitation, excitations.TABLE)
         kind = excitations.TABLE[self.excitation]
-        known = [field.name for field in fields(kind)]  # type: ignore[arg-type]
+        names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
         settings: dict[str, Any] = {"amplitude": self.p["supply_voltage"]}
         if self.mode == "servo":
             low, high = (angle * potentiometer(self.p).scale for angle in end_angles(self.p, joint))
             settings = {"amplitude": 0.4 * (high - low), "offset": 0.5 * (high + low)}
-            if "offset" not in known:
+            if "offset" not in names:
                 raise InputError(f"{self.excitation} has no offset, which servo mode needs; take another excitation")
         settings |= kind.paces[PACE[joint]]
         settings |= self.options
         for name in settings:
-            if name not in known:
-                raise unknown(f"option of {self.excitation}", name, known)
+            if name not in names:
+                raise unknown(f"option of {self.excitation}", name, names)
         return kind(**settings)
 
     def run(self) -> Log:
@@ -168,15 +168,15 @@ class Experiment:
         return np.column_stack([signal.generate(self.N, self.Ts, rng) for signal, rng in pairs])
 
     @checked
-    def generator(self, what: str) -> np.random.Generator:
+    def generator(self, purpose: str) -> np.random.Generator:
         """The generator of the first driven joint's "excitation", "noise" or "sampling"."""
-        if what not in _DRAWS:
-            raise unknown("draw", what, _DRAWS)
-        return self._generators(what)[0]
+        if purpose not in _DRAWS:
+            raise unknown("draw", purpose, _DRAWS)
+        return self._generators(purpose)[0]
 
-    def _generators(self, what: str) -> list[np.random.Generator]:
+    def _generators(self, purpose: str) -> list[np.random.Generator]:
         """One generator for each driven joint; it does not depend on which other joints are driven."""
-        roots = np.random.SeedSequence(self.seed).spawn(len(_DRAWS))[_DRAWS.index(what)]
+        roots = np.random.SeedSequence(self.seed).spawn(len(_DRAWS))[_DRAWS.index(purpose)]
         if self.joint in JOINTS:
             return [np.random.default_rng(roots)]
         return [np.random.default_rng(s) for s in roots.spawn(len(JOINTS))]
@@ -199,7 +199,7 @@ class Experiment:
         on_link, servo = self.pot_side == "link", self.mode == "servo"
         angles = {joint: middle(p, joint) for joint in self.joints} | dict(start or {})
         commands = self.commands() if u is None else u
-        late = potentiometer(p, self.without).times(len(commands), self.Ts, self._generators("sampling")[0])
+        time_errors = potentiometer(p, self.without).times(len(commands), self.Ts, self._generators("sampling")[0])
         return Run(
             model,
             user_data(model, circuits, servo, on_link, self.seed),
@@ -207,7 +207,7 @@ class Experiment:
             commands,
             np.array([c.pot.scale * angles[j] if servo else 0.0 for c, j in zip(circuits, self.joints, strict=True)]),
             p.switched_off(self.without)["delay"],
-            late,
+            time_errors,
         )
 
     @checked(deferred=("shown",))  # NaN where MuJoCo gave up
@@ -249,12 +249,12 @@ def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
 
     The logs equal those of `run` bit for bit.
     """
-    runs = prepared(experiments)
-    shown = step(runs, experiments[0].Ts, SETTLE, threads)
-    return [each.record(run, rows) for each, run, rows in zip(experiments, runs, shown, strict=True)]
+    runs = prepare_runs(experiments)
+    outputs = step(runs, experiments[0].Ts, SETTLE, threads)
+    return [experiment.record(run, rows) for experiment, run, rows in zip(experiments, runs, outputs, strict=True)]
 
 
-def prepared(
+def prepare_runs(
     experiments: Sequence[Experiment],
     u: np.ndarray | None = None,
     starts: Sequence[Mapping[str, float]] | None = None,
@@ -265,11 +265,11 @@ def prepared(
     """
     models: dict[tuple, mujoco.MjModel] = {}
     runs = []
-    for k, each in enumerate(experiments):
-        key = (each.joint, each.realisation, each.without, tuple(each.p.values.values()))
+    for k, experiment in enumerate(experiments):
+        key = (experiment.joint, experiment.realisation, experiment.without, tuple(experiment.p.values.values()))
         if key not in models:
-            models[key] = bench(each.joint, each.p, each.without, each.realisation)
-        runs.append(each.prepare(models[key], u, None if starts is None else starts[k]))
+            models[key] = bench(experiment.joint, experiment.p, experiment.without, experiment.realisation)
+        runs.append(experiment.prepare(models[key], u, None if starts is None else starts[k]))
     return runs
 
 
@@ -288,7 +288,7 @@ def _start(model: mujoco.MjModel, p: Parameters, angles: Mapping[str, float]) ->
     for joint, angle in angles.items():
         qpos[model.joint(joint + BENCH_LEG).qposadr[0]] = angle
         if f"{joint}_rod{BENCH_LEG}" in names:
-            for part, value in zip(("cylinder", "rod"), assembled(p, joint, angle), strict=True):
+            for part, value in zip(("cylinder", "rod"), loop_positions(p, joint, angle), strict=True):
                 qpos[model.joint(f"{joint}_{part}{BENCH_LEG}").qposadr[0]] = value
     return qpos
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from twin.experiment import SETTLE, Experiment, prepared
+from twin.experiment import SETTLE, Experiment, prepare_runs
 from twin.hardware.linkage import end_angles
 from twin.hardware.potentiometer import potentiometer
 from twin.imperfections import of_group
@@ -75,13 +75,13 @@ class Follower:
         shifts = np.zeros(len(which)) if shifts is None else np.asarray(shifts, dtype=float)
         _check_each("shifts", shifts, len(which), "rows")
         courses = self.courses(parameters, starts)
-        return np.stack([self.at(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
+        return np.stack([self.sample_course(courses[k], shift) for k, shift in zip(which, shifts, strict=True)])
 
     @checked(late=True)
     def courses(
         self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None
     ) -> np.ndarray:
-        """The same readings (runs, steps) [rad] at every simulation step; `at` takes those at the log's samples."""
+        """The same readings (runs, steps) [rad] at every simulation step, for `sample_course`."""
         runs = len(parameters)
         if not runs:
             raise InputError("no parameters are given; give those of one run or more")
@@ -93,11 +93,11 @@ class Follower:
             {self.joint: float(np.clip(start, *end_angles(p, self.joint)))}
             for p, start in zip(parameters, starts, strict=True)
         ]
-        shown, _ = attempt(prepared(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
-        return shown[:, :, 0, slots.READING]
+        outputs, _ = attempt(prepare_runs(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
+        return outputs[:, :, 0, slots.READING]
 
     @checked(late=True)
-    def at(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:
+    def sample_course(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:
         """Readings (N,) [rad] at the log's samples from one of `courses` (steps,), `shift` [s] later; the first and
         the last reading stand beyond the ends."""
         return np.interp(self.log.t - shift, np.arange(len(course)) * TIMESTEP, course)
@@ -112,14 +112,14 @@ class Follower:
         p, N, Ts = parameters or Parameters(), self.log.N, self.log.Ts
         experiment = replace(self._experiment(p, self._steps), seed=seed, without=self._asked)
         angle = float(np.clip(self.y[0] if start is None else start, *end_angles(p, self.joint)))
-        (run,) = prepared([experiment], self._commands(), [{self.joint: angle}])
-        shown, trouble = attempt([replace(run, late=np.zeros(self._steps))], TIMESTEP, SETTLE, self.threads)
+        (run,) = prepare_runs([experiment], self._commands(), [{self.joint: angle}])
+        outputs, trouble = attempt([replace(run, late=np.zeros(self._steps))], TIMESTEP, SETTLE, self.threads)
         if trouble[0]:
             raise InputError(f"the twin with these parameters cannot follow the log ({trouble[0]}); change --params")
         pot = potentiometer(p, self._asked)
-        late = pot.times(N, Ts, experiment.generator("sampling"))
+        time_errors = pot.times(N, Ts, experiment.generator("sampling"))
         fine = np.arange(self._steps) * TIMESTEP
-        clean = np.interp(self.log.t + late, fine, shown[0, :, 0, slots.READING])
+        clean = np.interp(self.log.t + time_errors, fine, outputs[0, :, 0, slots.READING])
         meta = experiment.meta() | {"excitation": "log", "options": {}, "duration": N * Ts, "Ts": Ts, "start": angle}
         return Log(self.u, pot.read(clean, experiment.generator("noise")), Ts, clean, self.joint, meta)
 
@@ -129,8 +129,8 @@ class Follower:
 
     def _commands(self) -> np.ndarray:
         """The input (steps, 1) at every simulation step."""
-        at = np.floor(np.arange(self._steps) * TIMESTEP / self.log.Ts + HELD).astype(int)
-        return self.u[np.minimum(at, self.log.N - 1)][:, None]
+        indices = np.floor(np.arange(self._steps) * TIMESTEP / self.log.Ts + HELD).astype(int)
+        return self.u[np.minimum(indices, self.log.N - 1)][:, None]
 
     def _experiment(self, parameters: Parameters, steps: int) -> Experiment:
         return Experiment(
@@ -146,6 +146,6 @@ class Follower:
         )
 
 
-def _check_each(name: str, values: np.ndarray, count: int, of: str) -> None:
+def _check_each(name: str, values: np.ndarray, count: int, subject: str) -> None:
     if values.shape != (count,):
-        raise InputError(f"{name} has shape {values.shape}; give one number for each of the {count} {of}")
+        raise InputError(f"{name} has shape {values.shape}; give one number for each of the {count} {subject}")

@@ -62,13 +62,13 @@ def rollout(fragment: Fragment, u: np.ndarray, Ts: float) -> np.ndarray:
         mujoco.mj_initCtrlHistory(model, data, 0, None, np.full(int(model.actuator_history[0, 0]), u[0]))
     places = [int(model.joint(name).qposadr[0]) for name in fragment.reading]
     ends = np.round(np.arange(1, len(u) + 1) * Ts / STEP).astype(int)
-    read, done = np.zeros(len(u)), 0
+    read, current_step = np.zeros(len(u)), 0
     for k, end in enumerate(ends):
         read[k] = data.qpos[places].sum()
         data.ctrl[0] = u[k]
-        if end > done:
-            mujoco.mj_step(model, data, int(end - done))
-        done = end
+        if end > current_step:
+            mujoco.mj_step(model, data, int(end - current_step))
+        current_step = end
     if not np.all(np.isfinite(read)) or any(w.number for w in data.warning):
         raise InputError("the fragment's simulation became unstable; give a larger torque_per_volt or link_inertia")
     return read
@@ -81,17 +81,17 @@ def put_into(fragment: Fragment, source: Path) -> str:
     actuators are removed. Raises InputError for a file that MuJoCo does not load, before or after, and for another kind
     of joint.
     """
-    root = _parsed(source)
+    root = _parse(source)
     body, hinge = _hinge(root, fragment.joint, source)
     place = {name: value for name, value in hinge.attrib.items() if name not in REPLACED}
     axis = {name: place.get(name, first) for name, first in (("axis", "0 0 1"), ("pos", "0 0 0"))}
-    degrees, at = _in_degrees(root), list(body).index(hinge)
+    degrees, index = _in_degrees(root), list(body).index(hinge)
     body.remove(hinge)
     for k, text in enumerate(fragment.joints):
         new = _element(text)
         _to_unit(new, degrees)
         new.attrib = {**new.attrib, **(place if k == 0 else {}), **axis}
-        body.insert(at + k, new)
+        body.insert(index + k, new)
     _refuse_constraints(root, fragment.joint, source)
     motor = _take_out_actuators(root, fragment.joint)
     if fragment.rotor:
@@ -109,7 +109,7 @@ def put_into(fragment: Fragment, source: Path) -> str:
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def _parsed(source: Path) -> ET.Element:
+def _parse(source: Path) -> ET.Element:
     check_regular_file(source)
     try:
         mujoco.MjModel.from_xml_path(str(source))
@@ -121,63 +121,81 @@ def _parsed(source: Path) -> ET.Element:
 
 def _refuse_constraints(root: ET.Element, joint: str, source: Path) -> None:
     for section in root.findall("equality"):
-        for each in section:
-            if joint in (each.get("joint1"), each.get("joint2")):
+        for constraint in section:
+            if joint in (constraint.get("joint1"), constraint.get("joint2")):
                 raise InputError(
-                    f"{source}: an equality constraint {each.get('name', '')!r} acts on {joint!r}, which the "
+                    f"{source}: an equality constraint {constraint.get('name', '')!r} acts on {joint!r}, which the "
                     "identified joint replaces; take it out of the model first"
                 )
 
 
 def _take_out_actuators(root: ET.Element, joint: str) -> str:
     """Remove the joint's actuators; the name for its motor, which is that of a single one, so that sensors find it."""
-    found = [(section, each) for section in root.findall("actuator") for each in section if each.get("joint") == joint]
-    for section, each in found:
-        section.remove(each)
-    names = [each.get("name", "") for _, each in found]
+    actuators = [
+        (section, element)
+        for section in root.findall("actuator")
+        for element in section
+        if element.get("joint") == joint
+    ]
+    for section, element in actuators:
+        section.remove(element)
+    names = [element.get("name", "") for _, element in actuators]
     return names[0] if len(names) == 1 and names[0] else joint
 
 
 def _from_zero(equality: ET.Element, ref: float) -> None:
     """MuJoCo couples changes from qpos0, which is `ref` [rad] at the user's joint; the fit's angle counts from 0."""
-    first, *others = equality.attrib["polycoef"].split()
-    equality.set("polycoef", " ".join([f"{float(first) - ref:.9g}", *others]))
+    first, *rest = equality.attrib["polycoef"].split()
+    equality.set("polycoef", " ".join([f"{float(first) - ref:.9g}", *rest]))
 
 
 def _check_unchanged(model: mujoco.MjModel, fragment: Fragment, motor: str, source: Path) -> None:
     """Raises InputError where defaults or options of the user's model change what the elements do."""
-    alone = mujoco.MjModel.from_xml_string(fragment.model())
-    off = model.opt.disableflags & ~alone.opt.disableflags & NEEDED
-    changed = ["flags of <option> switch off constraints, limits, springs, friction or actuation"] if off else []
+    fragment_model = mujoco.MjModel.from_xml_string(fragment.model())
+    flags = model.opt.disableflags & ~fragment_model.opt.disableflags & NEEDED
+    differences = ["flags of <option> switch off constraints, limits, springs, friction or actuation"] if flags else []
     for name in dict.fromkeys((*fragment.reading, *(name for name in fragment.start if name != fragment.joint))):
-        one, other = alone.joint(name), model.joint(name)
-        for what in ("range", "frictionloss", "damping", "armature", "stiffness", "limited", "actfrclimited", "margin"):
-            if hasattr(one, what) and not np.allclose(getattr(one, what), getattr(other, what), rtol=1e-6, atol=1e-9):
-                changed.append(f"{what} of joint {name}")
-    one, other = alone.actuator(fragment.joint), model.actuator(motor)
-    for what in ("gear", "ctrllimited", "forcelimited", "gainprm", "biasprm", "dynprm"):
-        if not np.allclose(getattr(one, what), getattr(other, what), rtol=1e-6, atol=1e-9):
-            changed.append(f"{what} of the motor")
-    if fragment.equality and not (model.eq_active0[-1] and np.allclose(model.eq_solref[-1], alone.eq_solref[-1])):
-        changed.append("the coupling of motor and joint")
-    if changed:
+        reference, element = fragment_model.joint(name), model.joint(name)
+        for attribute in (
+            "range",
+            "frictionloss",
+            "damping",
+            "armature",
+            "stiffness",
+            "limited",
+            "actfrclimited",
+            "margin",
+        ):
+            if hasattr(reference, attribute) and not np.allclose(
+                getattr(reference, attribute), getattr(element, attribute), rtol=1e-6, atol=1e-9
+            ):
+                differences.append(f"{attribute} of joint {name}")
+    reference, element = fragment_model.actuator(fragment.joint), model.actuator(motor)
+    for attribute in ("gear", "ctrllimited", "forcelimited", "gainprm", "biasprm", "dynprm"):
+        if not np.allclose(getattr(reference, attribute), getattr(element, attribute), rtol=1e-6, atol=1e-9):
+            differences.append(f"{attribute} of the motor")
+    if fragment.equality and not (
+        model.eq_active0[-1] and np.allclose(model.eq_solref[-1], fragment_model.eq_solref[-1])
+    ):
+        differences.append("the coupling of motor and joint")
+    if differences:
         raise InputError(
-            f"{source}: its defaults or options would change {', '.join(changed)}; put its elements into a default "
+            f"{source}: its defaults or options would change {', '.join(differences)}; put its elements into a default "
             "class of their own"
         )
 
 
 def _check_loads(root: ET.Element, source: Path) -> mujoco.MjModel:
     """The model; raises InputError if MuJoCo does not load it beside `source`, where its meshes and parts are."""
-    copy, here = deepcopy(root), source.resolve().parent
+    copy, folder = deepcopy(root), source.resolve().parent
     if copy.find("compiler") is None:
         copy.insert(0, ET.Element("compiler"))
     for compiler in copy.iter("compiler"):
         for name in ("meshdir", "texturedir", "assetdir"):
             if name in compiler.attrib or name == "assetdir":
-                compiler.set(name, str(here / compiler.get(name, "")))
+                compiler.set(name, str(folder / compiler.get(name, "")))
     for part in copy.iter("include"):
-        part.set("file", str(here / part.get("file", "")))
+        part.set("file", str(folder / part.get("file", "")))
     try:
         return mujoco.MjModel.from_xml_string(ET.tostring(copy, encoding="unicode"))
     except ValueError as error:
@@ -185,11 +203,11 @@ def _check_loads(root: ET.Element, source: Path) -> mujoco.MjModel:
 
 
 def _hinge(root: ET.Element, joint: str, source: Path) -> tuple[ET.Element, ET.Element]:
-    found = [(body, each) for body in root.iter("body") for each in body.findall("joint")]
-    named = {each.get("name", ""): (body, each) for body, each in found}
-    if joint not in named:
-        raise InputError(f"{source}: {unknown('joint', joint, [name for name in named if name])}")
-    body, hinge = named[joint]
+    hinges = [(body, element) for body in root.iter("body") for element in body.findall("joint")]
+    by_name = {element.get("name", ""): (body, element) for body, element in hinges}
+    if joint not in by_name:
+        raise InputError(f"{source}: {unknown('joint', joint, [name for name in by_name if name])}")
+    body, hinge = by_name[joint]
     if hinge.get("type", "hinge") != "hinge":
         raise InputError(f"{source}: joint {joint!r} is a {hinge.get('type')}; give a hinge")
     return body, hinge
@@ -206,8 +224,8 @@ def _to_unit(hinge: ET.Element, degrees: bool) -> None:
 
 
 def _section(root: ET.Element, name: str) -> ET.Element:
-    found = root.find(name)
-    return found if found is not None else ET.SubElement(root, name)
+    section = root.find(name)
+    return section if section is not None else ET.SubElement(root, name)
 
 
 def _element(text: str) -> ET.Element:

@@ -116,7 +116,7 @@ def _row(
     return Row(f"{joint}.{name}", nominal[name], float(lower), float(upper), unit, GUESS, enters, compiled)
 
 
-def _of(*names: str) -> list[Row]:
+def _rows_of(*names: str) -> list[Row]:
     """The rows that belong to single imperfections."""
     return [row for name in names for row in IMPERFECTIONS[name].rows]
 
@@ -124,7 +124,7 @@ def _of(*names: str) -> list[Row]:
 # A row's place decides which of an ensemble's numbers draws it: rows of new imperfections come last.
 _ROWS_IN_ORDER = (
     Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is limited to plus and minus this", False),
-    *_of("sag", "pwm", "dead_band"),
+    *_rows_of("sag", "pwm", "dead_band"),
     Row(
         "switch_period",
         0.01,
@@ -135,7 +135,7 @@ _ROWS_IN_ORDER = (
         "drive: interval at which the board reads commands, switches and potentiometers",
         False,
     ),
-    *_of("delay", "noise"),
+    *_rows_of("delay", "noise"),
     Row(
         "pot_range",
         np.deg2rad(270.0),
@@ -146,11 +146,11 @@ _ROWS_IN_ORDER = (
         "pot: electrical angle of the ADC's full range",
         False,
     ),
-    *_of("adc"),
+    *_rows_of("adc"),
     Row(
         "pot_supply", 5.0, 1, 24, "V", GUESS, "pot: voltage over pot_range; scale of the reference in servo mode", False
     ),
-    *_of("nonlinearity", "jitter", "dropouts", "gravity"),
+    *_rows_of("nonlinearity", "jitter", "dropouts", "gravity"),
     Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
     Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size in the MJCF is from the paper"),
     Row("shoulder_mass", 0.30, 0.01, 10, "kg", GUESS, "geom mass of the bracket"),
@@ -238,7 +238,7 @@ _ROWS_IN_ORDER = (
         switch_margin=0.0001,
     ),
 )
-_ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_of(*IMPERFECTIONS))}
+_ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_rows_of(*IMPERFECTIONS))}
 TABLE: tuple[Row, ...] = tuple(_ROWS.values())
 
 
@@ -264,8 +264,8 @@ class Parameters:
                 raise InputError(
                     f"parameter {name} is {value} {row.unit}; give a value from {row.lower:g} to {row.upper:g}"
                 )
-        merged = {name: float(self.values.get(name, row.nominal)) for name, row in _ROWS.items()}
-        object.__setattr__(self, "values", MappingProxyType(merged))
+        complete = {name: float(self.values.get(name, row.nominal)) for name, row in _ROWS.items()}
+        object.__setattr__(self, "values", MappingProxyType(complete))
 
     def __getitem__(self, name: str) -> float:
         return self.values[name]

@@ -96,8 +96,8 @@ class Pendulum:
 
     def parameters(self) -> Parameters:
         """The servo in the rows of the leg's geared motor."""
-        same = ("rated_voltage", "no_load_speed", "stall_torque", "coulomb", "stribeck", "stribeck_speed")
-        values = {f"{JOINT}.{name}": getattr(self, name) for name in (*same, "load_friction", "viscous")}
+        row_names = ("rated_voltage", "no_load_speed", "stall_torque", "coulomb", "stribeck", "stribeck_speed")
+        values = {f"{JOINT}.{name}": getattr(self, name) for name in (*row_names, "load_friction", "viscous")}
         return Parameters(
             {
                 **values,
@@ -112,10 +112,10 @@ class Pendulum:
     @checked(late=True)
     def replace(self, **changes: float) -> "Pendulum":
         """The same pendulum with some values changed; raises InputError for an unknown name."""
-        known = [field.name for field in fields(self)]
+        names = [field.name for field in fields(self)]
         for name in changes:
-            if name not in known:
-                raise unknown("value of a pendulum", name, known)
+            if name not in names:
+                raise unknown("value of a pendulum", name, names)
         return replace(self, **changes)
 
 
@@ -141,38 +141,40 @@ def respond(
             f"the record reaches {np.abs(u).max():g} V, the pendulum's supply {largest:g} V; raise supply_voltage"
         )
     N, steps = len(u), int(np.ceil(len(u) * Ts / TIMESTEP)) + 1
-    held = np.minimum(np.floor(np.arange(steps) * TIMESTEP / Ts + 1e-9).astype(int), N - 1)
-    commands = u[held][:, None]
+    indices = np.minimum(np.floor(np.arange(steps) * TIMESTEP / Ts + 1e-9).astype(int), N - 1)
+    commands = u[indices][:, None]
     models: dict[Pendulum, tuple] = {}
     runs = []
-    for each, start in zip(pendulums, starts, strict=True):
-        same = each.replace(delay=0.0, zero=0.0)  # neither is in the simulation
-        if same not in models:
-            models[same] = _board(same)
-        model, board = models[same]
-        at = np.array([start - each.zero])
-        runs.append(Run(model, _at_rest(board, each, at[0]), at, commands, np.zeros(1), 0.0, np.zeros(steps)))
-    shown, _ = attempt(runs, TIMESTEP, 0.0, threads)
-    fine, wanted = np.arange(steps) * TIMESTEP, np.arange(N) * Ts
+    for servo, start in zip(pendulums, starts, strict=True):
+        key = servo.replace(delay=0.0, zero=0.0)  # neither is in the simulation
+        if key not in models:
+            models[key] = _board(key)
+        model, board = models[key]
+        position = np.array([start - servo.zero])
+        runs.append(
+            Run(model, _at_rest(board, servo, position[0]), position, commands, np.zeros(1), 0.0, np.zeros(steps))
+        )
+    outputs, _ = attempt(runs, TIMESTEP, 0.0, threads)
+    fine, times = np.arange(steps) * TIMESTEP, np.arange(N) * Ts
     return np.stack(
         [
-            each.zero + np.interp(wanted - each.delay, fine, row)
-            for each, row in zip(pendulums, shown[:, :, 0, slots.READING], strict=True)
+            servo.zero + np.interp(times - servo.delay, fine, row)
+            for servo, row in zip(pendulums, outputs[:, :, 0, slots.READING], strict=True)
         ]
     )
 
 
-def _board(each: Pendulum) -> tuple:
+def _board(servo: Pendulum) -> tuple:
     """Model and user data of one pendulum."""
-    p = each.parameters()
-    model = pendulum(p, each.mass, each.length, WITHOUT)
+    p = servo.parameters()
+    model = pendulum(p, servo.mass, servo.length, WITHOUT)
     board = user_data(model, [circuit(p, JOINT, WITHOUT)])
     board[slots.HEAD + slots.LOWER], board[slots.HEAD + slots.UPPER] = -NO_SWITCH, NO_SWITCH
     return model, board
 
 
-def _at_rest(board: np.ndarray, each: Pendulum, angle: float) -> np.ndarray:
+def _at_rest(board: np.ndarray, servo: Pendulum, angle: float) -> np.ndarray:
     """The board with the load that has pressed the gears for long at `angle` [rad]."""
-    own = board.copy()
-    own[slots.HEAD + slots.LOAD] = each.mass * each.parameters()["gravity"] * each.length * np.sin(angle)
-    return own
+    state = board.copy()
+    state[slots.HEAD + slots.LOAD] = servo.mass * servo.parameters()["gravity"] * servo.length * np.sin(angle)
+    return state

@@ -94,8 +94,8 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         raise InputError(f"Ts is {Ts!r} s; give a whole number of milliseconds, the step of the simulation")
     damping, inertia, torque_per_volt = closed_form(joint, p, model, data)
     close = position_loop(p, joint, h) if mode == "servo" else channel
-    poles, gain = close(*linearised(model, data), round(steps))
-    closed, closed_gain = close(*implicit_step(damping, inertia, torque_per_volt, h), round(steps))
+    poles, gain = close(*linearise(model, data), round(steps))
+    closed_poles, closed_gain = close(*implicit_step(damping, inertia, torque_per_volt, h), round(steps))
     dry, switches = dry_friction(p, joint), drive(p, joint)
     return Truth(
         joint,
@@ -105,8 +105,8 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         poles,
         np.log(poles) / Ts,
         gain,
-        closed,
-        np.log(closed) / Ts,
+        closed_poles,
+        np.log(closed_poles) / Ts,
         closed_gain,
         -damping / inertia,
         rest_angles(p, joint),
@@ -116,7 +116,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
         breakaway(joint, p),
         breakaway(joint, p.replace({f"{joint}.stribeck": 0.0})),
         switches.dead_band,
-        _until_seen(p["delay"], switches.period, h),
+        _effective_delay(p["delay"], switches.period, h),
         {
             "coulomb_up": dry.up,
             "coulomb_down": dry.down,
@@ -126,7 +126,7 @@ def truth(joint: str, Ts: float = 0.1, parameters: Parameters | None = None, mod
     )
 
 
-def _until_seen(delay: float, period: float, h: float) -> float:
+def _effective_delay(delay: float, period: float, h: float) -> float:
     """Effective delay of `delay` [s]: commands arrive in whole simulation steps, the board reads once per period."""
     tick = max(1, round(period / h))
     return -(-round(delay / h) // tick) * tick * h
@@ -141,7 +141,7 @@ def linear_bench(joint: str, p: Parameters) -> tuple[mujoco.MjModel, mujoco.MjDa
     return model, data
 
 
-def linearised(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+def linearise(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
     """A (2, 2) and B (2,) of one simulation step by mjd_transitionFD; state (angle, speed), input the motor voltage."""
     A, B = np.zeros((2 * model.nv, 2 * model.nv)), np.zeros((2 * model.nv, model.nu))
     mujoco.mjd_transitionFD(model, data, 1e-6, True, A, B, None, None)
@@ -162,7 +162,7 @@ def channel(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, float
     """
     lifted_A, lifted_B = _lift(A, B, steps)
     # In steady state speed = a22 speed + b2 u over the whole interval.
-    return _sorted(np.linalg.eigvals(lifted_A)), float(lifted_B[1] / (1 - lifted_A[1, 1]))
+    return _sort_poles(np.linalg.eigvals(lifted_A)), float(lifted_B[1] / (1 - lifted_A[1, 1]))
 
 
 def position_loop(p: Parameters, joint: str, h: float) -> Callable[[np.ndarray, np.ndarray, int], tuple]:
@@ -183,9 +183,9 @@ def position_loop(p: Parameters, joint: str, h: float) -> Callable[[np.ndarray, 
         loop[:2] += np.outer(push, law)
         loop[2] = [-T * s, 0.0, 1.0, 0.0]
         loop[3, 0] = s
-        used = [0, 1] + [2] * (ki > 0) + [3] * (kd > 0)
-        poles = np.linalg.eigvals(loop[np.ix_(used, used)]).astype(complex)
-        return _sorted(poles ** (steps / tick)), 1.0 / s
+        states = [0, 1] + [2] * (ki > 0) + [3] * (kd > 0)
+        poles = np.linalg.eigvals(loop[np.ix_(states, states)]).astype(complex)
+        return _sort_poles(poles ** (steps / tick)), 1.0 / s
 
     return close
 
@@ -198,7 +198,7 @@ def _lift(A: np.ndarray, B: np.ndarray, steps: int) -> tuple[np.ndarray, np.ndar
     return lifted_A, lifted_B
 
 
-def _sorted(poles: np.ndarray) -> np.ndarray:
+def _sort_poles(poles: np.ndarray) -> np.ndarray:
     return np.sort_complex(poles.astype(complex))[::-1]
 
 
@@ -220,9 +220,9 @@ def link_inertia(joint: str, model: mujoco.MjModel, data: mujoco.MjData) -> floa
     axis, anchor = data.xaxis[hinge.id], data.xanchor[hinge.id]
     total = 0.0
     for body in range(int(hinge.bodyid[0]), model.nbody):  # a bench is one chain with its bodies in order
-        turned = data.ximat[body].reshape(3, 3).T @ axis
+        axis_in_body = data.ximat[body].reshape(3, 3).T @ axis
         lever = np.cross(axis, data.xipos[body] - anchor)
-        total += float(turned @ (model.body_inertia[body] * turned) + model.body_mass[body] * lever @ lever)
+        total += float(axis_in_body @ (model.body_inertia[body] * axis_in_body) + model.body_mass[body] * lever @ lever)
     return total
 
 
@@ -248,13 +248,13 @@ def breakaway(joint: str, p: Parameters) -> tuple[float, float]:
 
     The drive must overcome the link's weight and bearing friction, and its own static friction under that load.
     """
-    held = load(joint, p, *linear_bench(joint, p))
+    weight = load(joint, p, *linear_bench(joint, p))
     bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))
     constants, dry, board = motor(p, joint), dry_friction(p, joint), drive(p, joint)
     volts = []
     for direction in (-1, 1):
-        needed = held + direction * bearing
-        force = needed + direction * dry.static(direction, needed)
+        required = weight + direction * bearing
+        force = required + direction * dry.static(direction, required)
         try:
             volts.append(board.command(force / constants.force_per_volt, constants.resistance))
         except ValueError:
@@ -272,11 +272,11 @@ def switch_angles(parameters: Parameters, joint: str) -> tuple[float, float]:
     """Joint angles [rad] at which the limit switches disconnect the motor, never outside the stroke's ends."""
     low, high = stroke(parameters, joint)
     board = drive(parameters, joint)
-    at = max(board.lower, low), min(board.upper, high)
+    positions = max(board.lower, low), min(board.upper, high)
     if joint == "shoulder":
-        return at
+        return positions
     triangle = linkage(parameters, joint)
-    return triangle.angle(at[0]), triangle.angle(at[1])
+    return triangle.angle(positions[0]), triangle.angle(positions[1])
 
 
 def rest_angles(parameters: Parameters, joint: str) -> tuple[float, float]:
@@ -292,7 +292,7 @@ def rest_angles(parameters: Parameters, joint: str) -> tuple[float, float]:
 def _rest_angles(joint: str, rows: tuple[tuple[str, float], ...]) -> tuple[float, float]:
     p = Parameters(dict(rows))
     model, board = bench(joint, p, ALONE), circuit(p, joint, ALONE)
-    h, found = model.opt.timestep, []
+    h, angles = model.opt.timestep, []
     for way, switch in zip((-1.0, 1.0), switch_angles(p, joint), strict=True):
         start = switch - way * RUN_UP * float(np.ptp(switch_angles(p, joint)))
         fastest = max(abs(switch - start) / _top_speed(p, joint, switch), FASTEST)
@@ -301,10 +301,10 @@ def _rest_angles(joint: str, rows: tuple[tuple[str, float], ...]) -> tuple[float
         qpos[model.joint(joint + BENCH_LEG).qposadr[0]] = start
         volts = np.full((N, 1), way * p["supply_voltage"])
         run = Run(model, user_data(model, [board]), qpos, volts, volts[0] * 0.0, 0.0, np.zeros(N))
-        shown, _ = attempt([run], h, 0.0)  # nan where MuJoCo gave up: then it has not arrived
-        last = float(shown[0, -1, 0, slots.ANGLE])
-        found.append(last if way * (last - switch) > 0.0 else switch)
-    return found[0], found[1]
+        outputs, _ = attempt([run], h, 0.0)  # nan where MuJoCo gave up: then it has not arrived
+        last = float(outputs[0, -1, 0, slots.ANGLE])
+        angles.append(last if way * (last - switch) > 0.0 else switch)
+    return angles[0], angles[1]
 
 
 def _top_speed(p: Parameters, joint: str, angle: float) -> float:

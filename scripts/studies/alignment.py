@@ -52,7 +52,7 @@ def draw(seed: int, mismatch: bool) -> tuple[Log, str, dict[str, float]]:
     }
     course = Follower(plan, joint, threads=1)
     (row,) = course.courses([p.replace(changes if mismatch else {})])
-    y = truth["gear"] * course.at(row, truth["delay"]) + truth["offset"]
+    y = truth["gear"] * course.sample_course(row, truth["delay"]) + truth["offset"]
     y = y + p["pot_noise"] * rng.standard_normal(len(y))
     return Log(plan.u, y, TS, joint=joint), joint, truth
 

@@ -20,7 +20,7 @@ from sysid.workflow.setting import Setting
 from twin.calibrate import search
 from twin.calibrate.calibration import calibrate
 from twin.calibrate.problem import Free, Record, Simulations
-from twin.calibrate.search import USUAL, find
+from twin.calibrate.search import USUAL, find_optimum
 from twin.cli import main
 
 NONE = 1e-9  # [s] that every search overruns
@@ -127,18 +127,18 @@ def test_a_budget_that_is_not_met_changes_nothing(log):
 
 def test_a_calibration_without_time_stays_at_its_start_and_with_a_little_goes_part_of_the_way(ticks, monkeypatch):
     monkeypatch.setattr(iterate, "time", search.time)
-    none = find(problem(), np.random.default_rng(0), options=Options(max_seconds=0.0, deadline=0.0))
+    none = find_optimum(problem(), np.random.default_rng(0), options=Options(max_seconds=0.0, deadline=0.0))
     assert none.late
     assert (none.stop.iterations, none.descents) == (0, 0)
     assert np.array_equal(none.p, problem().start)
     assert none.cost == none.first
-    some = find(problem(), np.random.default_rng(0), options=_limit(ticks, 6.0))
+    some = find_optimum(problem(), np.random.default_rng(0), options=_limit(ticks, 6.0))
     assert some.late
     assert not some.stop.converged
     assert some.descents == 1  # the other starts were left
     assert some.cost < none.cost
     task = problem()
-    whole = find(task, np.random.default_rng(0), options=_limit(ticks, 1e6))
+    whole = find_optimum(task, np.random.default_rng(0), options=_limit(ticks, 1e6))
     assert not whole.late
     assert whole.descents == 2
     assert task.central

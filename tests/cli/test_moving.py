@@ -206,6 +206,6 @@ def test_a_stop_that_a_library_swallows_or_renames_is_a_stop(code, tmp_path):
 
 
 def test_what_was_written_is_told_of_this_run_alone(capsys):
-    results.written("elsewhere")
+    results.note_result("elsewhere")
     assert main(["--version"]) == 0
-    assert results.kept() == "nothing was written"
+    assert results.outcome() == "nothing was written"

@@ -5,7 +5,7 @@ import pytest
 from rig import QUIET
 
 from twin import Experiment, Parameters
-from twin.plant.leg import BENCH_LEG, assembled, bench
+from twin.plant.leg import BENCH_LEG, bench, loop_positions
 
 
 @pytest.mark.parametrize("joint", ["thigh", "shank"])
@@ -35,7 +35,7 @@ def test_the_loop_is_closed_where_it_is_assembled(joint: str, angle: float) -> N
 
     model = bench(joint, realisation="closed_loop")
     data = mujoco.MjData(model)
-    cylinder, rod = assembled(Parameters(), joint, angle)
+    cylinder, rod = loop_positions(Parameters(), joint, angle)
     for name, value in ((joint, angle), (f"{joint}_cylinder", cylinder), (f"{joint}_rod", rod)):
         data.joint(name + BENCH_LEG).qpos[0] = value
     mujoco.mj_kinematics(model, data)

@@ -8,8 +8,8 @@ from scipy.stats import binom
 
 import twin
 from sysid.base.errors import InputError
-from twin.compare.alignment import align, turn_back, turned
-from twin.compare.effects import END_HIGH, END_LOW, TABLE, moved
+from twin.compare.alignment import align, opposite_signs, turn_back
+from twin.compare.effects import END_HIGH, END_LOW, TABLE, apply_knobs
 from twin.compare.search import Search, Trials, differences, refine
 from twin.compare.standins import NOTHING, VISIBLE, stand_in
 from twin.compare.verdict import explain
@@ -81,7 +81,7 @@ def test_alignment_is_applied_only_where_asked():
 def test_a_turned_signal_is_named_and_turned_back(which, u, y):
     log = log_of("shank")
     other = Log(u * log.u, y * log.y, log.Ts, joint="shank")
-    assert turned(other, "shank", P) == which
+    assert opposite_signs(other, "shank", P) == which
     back = turn_back(other, "shank", which)
     np.testing.assert_array_equal(back.u, log.u)
     np.testing.assert_array_equal(back.y, log.y)
@@ -92,16 +92,16 @@ def test_a_symmetric_joint_cannot_tell_which_signal_is_turned():
     given = plan()
     (row,) = twin.Follower(given, "shoulder").readings([even])
     y = row + 1e-3 * np.random.default_rng(3).standard_normal(given.N)
-    assert turned(Log(-given.u, y, given.Ts, joint="shoulder"), "shoulder", even) == "input or output"
+    assert opposite_signs(Log(-given.u, y, given.Ts, joint="shoulder"), "shoulder", even) == "input or output"
 
 
 def test_ends_move_to_the_angles_that_are_asked():
     for joint in twin.JOINTS:
         low, high = end_angles(P, joint)
-        new = moved(P, joint, {END_LOW: low + 0.05, END_HIGH: high - 0.02})
+        new = apply_knobs(P, joint, {END_LOW: low + 0.05, END_HIGH: high - 0.02})
         assert end_angles(new, joint) == pytest.approx((low + 0.05, high - 0.02), abs=1e-9)
     with pytest.raises(InputError, match="no twin is like this"):
-        moved(P, "thigh", {END_LOW: -4.0})
+        apply_knobs(P, "thigh", {END_LOW: -4.0})
 
 
 def test_differences_are_those_of_the_closed_form_for_what_is_read():

@@ -15,7 +15,7 @@ from twin.robot import crawl
 from twin.robot.gait import Gait, plan
 from twin.robot.kinematics import body
 from twin.robot.statics import Statics, stability_margin
-from twin.robot.walk import drive, shaped
+from twin.robot.walk import drive, feedforward_references
 from twin.view import pictures
 from twin.view.stills import NoRenderer
 
@@ -112,7 +112,7 @@ def test_no_actuator_is_asked_for_more_speed_than_its_load_leaves(made):
 
 
 def test_shaped_references_leave_a_joint_at_rest_alone(made):
-    lead = shaped(made) - made.angles
+    lead = feedforward_references(made) - made.angles
     rest = round(CYCLE.pause / made.Ts) - 1
     assert not lead[:rest].any()
     assert not lead[-2:].any()
@@ -194,7 +194,7 @@ def test_another_robot_walks_too(result):
 
 
 def test_a_robot_alone_does_what_it_does_among_others(made):
-    short = shaped(made)[:40]
+    short = feedforward_references(made)[:40]
     heavy = Parameters({"torso_mass": 5.0})
     one = drive([heavy], short, made.Ts, made.torso[0], [7])
     two = drive([Parameters(), heavy], short, made.Ts, made.torso[0], [1, 7], threads=2)

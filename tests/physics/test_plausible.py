@@ -8,7 +8,7 @@ from sysid import Channel, ChannelMap, InputError
 from sysid.channels.mapping import Clock
 from twin.calibrate.calibration import calibrate
 from twin.cli import main
-from twin.compare.comparison import beside, compare
+from twin.compare.comparison import compare, twin_response
 from twin.log import check_plausible
 
 P = twin.Parameters()
@@ -43,7 +43,7 @@ def test_a_unit_that_is_not_what_the_header_says_is_told_and_the_mapping_settles
         lambda: compare(wrong, "thigh"),
         lambda: calibrate([wrong], "thigh"),
         lambda: calibrate([LOG], "thigh", held_out=[wrong]),
-        lambda: beside(wrong, "thigh"),
+        lambda: twin_response(wrong, "thigh"),
     ):
         with pytest.raises(InputError, match=SAYS[unit]):
             work()

@@ -13,7 +13,7 @@ from twin.experiment import SETTLE
 from twin.hardware.linkage import middle
 from twin.plant.leg import BENCH_LEG, bench
 from twin.plant.stepping import step
-from twin.truth import LINEAR, channel, closed_form, linearised
+from twin.truth import LINEAR, channel, closed_form, linearise
 
 P = Parameters()
 
@@ -41,7 +41,7 @@ def test_linearisation_agrees_with_the_closed_form(joint: str, Ts: float) -> Non
 def test_with_a_short_step_the_pole_is_the_continuous_one(joint: str) -> None:
     h = 1e-5
     model, data = linear(joint, h)
-    poles, _ = channel(*linearised(model, data), 1)
+    poles, _ = channel(*linearise(model, data), 1)
     # 1e-3: the step's own error, s h / 2, is 1e-4 here. No integrator map on either side.
     assert np.log(poles[1]).real / h == pytest.approx(truth(joint).continuous_pole, rel=1e-3)
 

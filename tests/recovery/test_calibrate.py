@@ -10,7 +10,7 @@ from sysid.base.errors import InputError
 from sysid.joint.values import JointValue
 from twin.calibrate import advice
 from twin.calibrate.advice import what_to_record
-from twin.calibrate.calibration import calibrate, chosen
+from twin.calibrate.calibration import calibrate, rows_to_free
 from twin.calibrate.leg import ROWS, own_rows, usual
 from twin.calibrate.start import from_joint, mapped_rows
 from twin.cli import main
@@ -156,15 +156,15 @@ def test_the_file_gives_back_every_bit_and_names_intervals_and_logs(small, tmp_p
 
 
 def test_rows_are_named_shortly_and_unknown_ones_are_refused():
-    assert chosen("thigh", ("coulomb", "dead_band"), (), ()) == ("thigh.coulomb", "dead_band")
-    assert "thigh.stribeck" not in chosen("thigh", None, (), ("stribeck",))
-    assert "thigh.stroke" not in chosen("thigh", None, ("stroke",), ())
+    assert rows_to_free("thigh", ("coulomb", "dead_band"), (), ()) == ("thigh.coulomb", "dead_band")
+    assert "thigh.stribeck" not in rows_to_free("thigh", None, (), ("stribeck",))
+    assert "thigh.stroke" not in rows_to_free("thigh", None, ("stroke",), ())
     with pytest.raises(InputError, match="parameter of the thigh"):
-        chosen("thigh", ("shank.stroke",), (), ())
+        rows_to_free("thigh", ("shank.stroke",), (), ())
     with pytest.raises(InputError, match="left out"):
-        chosen("thigh", ("stribeck",), (), ("stribeck",))
+        rows_to_free("thigh", ("stribeck",), (), ("stribeck",))
     with pytest.raises(InputError, match="both free and fixed"):
-        chosen("thigh", ("stroke",), ("stroke",), ())
+        rows_to_free("thigh", ("stroke",), ("stroke",), ())
 
 
 @pytest.mark.parametrize("joint", twin.JOINTS)

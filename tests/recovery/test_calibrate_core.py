@@ -5,7 +5,7 @@ import pytest
 
 from sysid.base.errors import InputError
 from twin.calibrate.problem import LEVEL, Free, Record, Simulations, noise_of
-from twin.calibrate.search import find
+from twin.calibrate.search import find_optimum
 
 T = np.arange(0.0, 6.0, 0.02)
 
@@ -26,7 +26,7 @@ def problem(F=0.0, v=1.0, noise=1e-3, truth=(4.0, 1.3, 0.2), seed=5):
 
 
 def test_friction_leaves_zero():
-    found = find(problem(), np.random.default_rng(0))
+    found = find_optimum(problem(), np.random.default_rng(0))
     values = problem().values(found.p)
     assert found.stop.converged
     assert np.all(np.abs(values - [4.0, 1.3, 0.2]) < [0.01, 0.002, 0.001])

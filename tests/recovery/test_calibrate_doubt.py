@@ -8,7 +8,7 @@ import pytest
 
 import twin
 from twin.calibrate import advice
-from twin.calibrate.calibration import _moved
+from twin.calibrate.calibration import _moved_sentence
 from twin.calibrate.problem import Free
 from twin.calibrate.result import Value
 from twin.cli import main
@@ -49,7 +49,7 @@ def result(*values, correlation=None):
     ],
 )
 def test_why_a_value_is_not_determined(value, words):
-    assert advice.why(value) == words
+    assert advice.reason_undetermined(value) == words
 
 
 def test_the_first_sentence_says_what_not_to_use():
@@ -86,8 +86,8 @@ def test_the_file_says_it_beside_each_value(tmp_path):
 
 def test_an_end_that_was_moved_out_of_the_way_is_told():
     before, after = twin.Parameters(), twin.Parameters({"thigh.stroke": 0.07})
-    assert "It is set to 0.07 m (from 0.064)" in _moved("thigh.stroke", ("thigh.stroke",), before, after)
-    assert _moved("thigh.backlash", ("thigh.stroke",), before, after) == ""
+    assert "It is set to 0.07 m (from 0.064)" in _moved_sentence("thigh.stroke", ("thigh.stroke",), before, after)
+    assert _moved_sentence("thigh.backlash", ("thigh.stroke",), before, after) == ""
 
 
 def test_the_end_of_a_wide_interval_is_a_bound_and_no_overflow():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.calibrate.discrepancy import covariance, directions, drifting, estimate, repeating, sizes
-from twin.calibrate.identifiability import LIMIT, promised, tell
+from twin.calibrate.identifiability import LIMIT, promised_covariance, tell
 from twin.calibrate.problem import Free, Record, Simulations
 
 TS, N = 0.05, 1600
@@ -60,7 +60,7 @@ def test_a_parameter_without_effect_is_not_told():
     told = tell(task, J, 0.1, ["a", "b"])
     assert [row.told for row in told] == [True, False]
     assert "hardly show b" in told[1].sentence()
-    assert np.isinf(promised(J, 0.1)[1, 1])
+    assert np.isinf(promised_covariance(J, 0.1)[1, 1])
 
 
 def test_the_limit_is_a_share_of_the_scale():

@@ -16,7 +16,7 @@ EDGE = 1e-6  # of the allowed range: nearer to its end, a value is on it
 ONE = 0.995  # correlation that is shown as 1.00
 
 
-def why(value: Value) -> str:
+def reason_undetermined(value: Value) -> str:
     """Why the log does not determine the value, in a few words; empty if it does."""
     row = ROWS[value.name]
     width, reach = value.high - value.low, row.upper - row.lower
@@ -30,47 +30,49 @@ def why(value: Value) -> str:
     return ""
 
 
-def undetermined(result: Calibration) -> dict[str, str]:
+def undetermined_rows(result: Calibration) -> dict[str, str]:
     """Calibrated rows that the logs do not determine, each with why."""
-    found = {value.name: why(value) for value in result.values}
-    return {name: words for name, words in found.items() if words}
+    reasons = {value.name: reason_undetermined(value) for value in result.values}
+    return {name: words for name, words in reasons.items() if words}
 
 
 def useless(result: Calibration) -> bool:
     """Whether the logs determine none of the parameters, so that the file is not to be used."""
-    return len(undetermined(result)) == len(result.values)
+    return len(undetermined_rows(result)) == len(result.values)
 
 
 def sentences(result: Calibration) -> list[str]:
     """What is not to be used, and what acts alike; empty for a calibration that determines all."""
-    lost, said = undetermined(result), list[str]()
-    if lost:
-        all_ = useless(result)
-        told = "; ".join(f"{name} ({words})" for name, words in lost.items())
-        use = "do not use the file" if all_ else "do not use the file for these"
-        said.append(f"These logs do not determine {'any of the parameters' if all_ else 'all'}: {told}. So {use}.")
+    reasons, texts = undetermined_rows(result), list[str]()
+    if reasons:
+        is_useless = useless(result)
+        listing = "; ".join(f"{name} ({words})" for name, words in reasons.items())
+        use = "do not use the file" if is_useless else "do not use the file for these"
+        texts.append(
+            f"These logs do not determine {'any of the parameters' if is_useless else 'all'}: {listing}. So {use}."
+        )
     names = [value.name for value in result.values]
-    same = [
+    pairs = [
         f"{names[i]} and {names[j]} ({number(float(result.correlation[i, j]), 3)})"
         for i, j in combinations(range(len(names)), 2)
         if abs(result.correlation[i, j]) >= ONE
     ]
-    if same:
-        said.append(
-            f"These act alike in the logs, so that only a combination is told (correlation): {'; '.join(same)}."
+    if pairs:
+        texts.append(
+            f"These act alike in the logs, so that only a combination is told (correlation): {'; '.join(pairs)}."
         )
-    return said
+    return texts
 
 
 def next_step(result: Calibration, files: str) -> str:
     """What to do about values that are not determined; empty if all are."""
-    lost = undetermined(result)
-    if not lost:
+    reasons = undetermined_rows(result)
+    if not reasons:
         return ""
-    record = "; ".join(dict.fromkeys(what_to_record(result.joint, name) for name in lost))
+    record = "; ".join(dict.fromkeys(what_to_record(result.joint, name) for name in reasons))
     if useless(result):
         return f"Next, to determine them: {record}"
-    short = ",".join(name.rpartition(".")[2] for name in lost)
+    short = ",".join(name.rpartition(".")[2] for name in reasons)
     return f"Next: qpal calibrate {files} --joint {result.joint} --fix {short}; or, to determine them: {record}"
 
 
@@ -114,9 +116,11 @@ def what_to_record(joint: str, row: str) -> str:
 
 def write(calibration: Calibration, path: str | Path) -> Path:
     """Write every row that differs from nominal as TOML; `twin.parameter_file.read` gives back every bit."""
-    said = {value.name: comment(value, calibration.level) for value in calibration.values}
-    said |= {row: f"{ROWS[row].unit}; not calibrated, set beyond the angles of the logs" for row in calibration.moved}
-    return write_text(Path(path), to_toml(calibration.parameters, _head(calibration), said))
+    comments = {value.name: comment(value, calibration.level) for value in calibration.values}
+    comments |= {
+        row: f"{ROWS[row].unit}; not calibrated, set beyond the angles of the logs" for row in calibration.moved
+    }
+    return write_text(Path(path), to_toml(calibration.parameters, _head(calibration), comments))
 
 
 def comment(value: Value, level: float) -> str:
@@ -127,16 +131,16 @@ def comment(value: Value, level: float) -> str:
     nominal = number(value.nominal, 4)
     if value.name == DELAY:
         unit += f", found {number(value.value, 4)} and rounded to whole periods of the board"
-    lost = why(value)
-    unit = f"NOT DETERMINED by the logs; {unit}" if lost else unit
+    reason = reason_undetermined(value)
+    unit = f"NOT DETERMINED by the logs; {unit}" if reason else unit
     return f"{unit}; {100 * level:g} % interval {low} to {high}{f' {shown}' if shown else ''}; was {nominal}"
 
 
 def _head(calibration: Calibration) -> list[str]:
-    told = calibration.provenance
+    provenance = calibration.provenance
     lines = [
         f"Parameters of the twin in SI units, {calibration.joint} calibrated; parameters not named are nominal.",
-        f"Logs: {', '.join(told['logs'])}. Left out: {', '.join(told['without']) or 'nothing'}.",
+        f"Logs: {', '.join(provenance['logs'])}. Left out: {', '.join(provenance['without']) or 'nothing'}.",
         "Forces are relative to the motor's data sheet (stall force or torque, rated voltage, gear).",
         f"The search {'ended' if calibration.converged else 'DID NOT CONVERGE'}: {calibration.reason}.",
     ]

@@ -14,7 +14,7 @@ from twin.calibrate.identifiability import tell
 from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.result import LEVEL, Calibration, Run, Score, Value
-from twin.calibrate.search import USUAL, Found, find
+from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log, check_plausible
@@ -59,7 +59,7 @@ def calibrate(
     if not logs:
         raise InputError("there is no log to calibrate from; give at least one")
     base = base or Parameters()
-    rows, held = chosen(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
+    rows, known_rows = rows_to_free(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
     labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
     for log, label in zip((*logs, *held_out), labels, strict=False):
         check_plausible(log, joint, base, label)
@@ -69,52 +69,58 @@ def calibrate(
         say("actuated joint as a start")
         start = from_joint(logs, joint, base, rows, seed, time)
         say("what the logs can tell")
-        others = [row for row in CONSIDERED if row not in (*rows, *held) and row not in switched_off(without)]
-        first = _problem(Leg(joint, start.parameters, (*rows, *others), *settings), logs, labels)
+        nuisance_rows = [
+            row for row in CONSIDERED if row not in (*rows, *known_rows) and row not in rows_without_effect(without)
+        ]
+        first = _problem(Leg(joint, start.parameters, (*rows, *nuisance_rows), *settings), logs, labels)
         if first.residual(first.start) is None:
             raise InputError(
                 f"the twin's {joint} cannot be simulated with these parameters; start from others (--params)"
             )
         _, J = first.linearise(first.start)
-        told = tell(first, J, max(first.noise, start.rms), rows, start.missed)
-        kept = tuple(row.name for row in told if row.told)
-        if not kept:
+        verdicts = tell(first, J, max(first.noise, start.rms), rows, start.missed)
+        free_rows = tuple(row.name for row in verdicts if row.told)
+        if not free_rows:
             raise InputError(
                 f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
             )
-        say(f"search over {len(kept)} parameters")
-        begun = start.parameters.replace({row: base[row] for row in rows if row not in (*kept, *start.missed)})
-        leg = Leg(joint, begun, kept, *settings)
+        say(f"search over {len(free_rows)} parameters")
+        initial = start.parameters.replace({row: base[row] for row in rows if row not in (*free_rows, *start.missed)})
+        leg = Leg(joint, initial, free_rows, *settings)
         task = _problem(leg, logs, labels)
-        _take_over(first, J, task, begun == start.parameters)
+        _take_over(first, J, task, initial == start.parameters)
         limits = replace(USUAL, max_seconds=seconds, deadline=time.deadline)
         draw = np.random.default_rng(seed)
-        found = find(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
+        optimum = find_optimum(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
         say("intervals")
-        e, J = task.linearise(found.p)
-        responses, steps = task.at(found.p), [record.Ts for record in task.records]
-        scored = np.concatenate([record.scored for record in task.records])
-        departures, size = discrepancy.estimate(e, J, responses, steps, scored)
-        unsure = [*(row.name for row in told if not (row.told or row.missed)), *others]
-        wide = _problem(Leg(joint, begun, (*rows, *others), *settings), logs, labels)
+        e, J = task.linearise(optimum.p)
+        responses, steps = task.responses_at(optimum.p), [record.Ts for record in task.records]
+        scored_samples = np.concatenate([record.scored for record in task.records])
+        departures, size = discrepancy.estimate(e, J, responses, steps, scored_samples)
+        unsure = [*(row.name for row in verdicts if not (row.told or row.missed)), *nuisance_rows]
+        wide = _problem(Leg(joint, initial, (*rows, *nuisance_rows), *settings), logs, labels)
         wide.steps = first.steps.copy()
-        cov = discrepancy.covariance(J, departures, size) + _considered(wide, task, found, J, unsure)
-        cov += _from_missed_end(task, found, joint, base, start.missed)
-        values = _values(task, found, cov, J, size, base, level)
-        after = _as_board_sees(leg.parameters(task.values(found.p)[: len(kept)]))
-        runs = _runs(Leg(joint, base, (), *settings), leg, task, found, logs, held_out, labels)
-    moved = tuple(row for row in ROWS if row not in kept and row != DELAY and after[row] != base[row])
-    converged, reason = _verdict(found, e, J, cov, seconds)
-    cov = cov[: len(kept), : len(kept)]
+        cov = discrepancy.covariance(J, departures, size) + _covariance_of_considered(wide, task, optimum, J, unsure)
+        cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
+        values = _values(task, optimum, cov, J, size, base, level)
+        parameters = _as_board_sees(leg.parameters(task.values(optimum.p)[: len(free_rows)]))
+        runs = _runs(Leg(joint, base, (), *settings), leg, task, optimum, logs, held_out, labels)
+    moved_rows = tuple(row for row in ROWS if row not in free_rows and row != DELAY and parameters[row] != base[row])
+    converged, reason = _verdict(optimum, e, J, cov, seconds)
+    cov = cov[: len(free_rows), : len(free_rows)]
     std = np.sqrt(np.diag(cov))
     return Calibration(
         joint,
-        after,
+        parameters,
         values,
         cov / np.outer(std, std),
-        told,
-        {row.name: row.sentence() + _moved(row.name, moved, base, after) for row in told if not row.told},
-        found,
+        verdicts,
+        {
+            row.name: row.sentence() + _moved_sentence(row.name, moved_rows, base, parameters)
+            for row in verdicts
+            if not row.told
+        },
+        optimum,
         converged,
         reason,
         size,
@@ -126,40 +132,45 @@ def calibrate(
             "without": list(without),
             "pot_side": pot_side,
             "realisation": realisation,
-            "fixed": held,
+            "fixed": known_rows,
             "considered": unsure,
             "seed": seed,
             "seconds": seconds if np.isfinite(seconds) else None,
         },
         level,
         seconds,
-        moved,
+        moved_rows,
     )
 
 
-def _moved(name: str, moved: Sequence[str], base: Parameters, after: Parameters) -> str:
+def _moved_sentence(name: str, rows: Sequence[str], base: Parameters, parameters: Parameters) -> str:
     """That a row which is not calibrated has another value all the same, so that the twin can do what the logs show."""
-    if name not in moved:
+    if name not in rows:
         return ""
     unit = ROWS[name].unit
-    return f" It is set to {after[name]:.4g} {unit} (from {base[name]:.4g}): the logs pass the end of the nominal twin."
+    value = f"{parameters[name]:.4g} {unit} (from {base[name]:.4g})"
+    return f" It is set to {value}: the logs pass the end of the nominal twin."
 
 
-def chosen(joint: str, names: Sequence[str] | None, fixed: Sequence[str], without: Sequence[str]) -> tuple[str, ...]:
+def rows_to_free(
+    joint: str, names: Sequence[str] | None, fixed: Sequence[str], without: Sequence[str]
+) -> tuple[str, ...]:
     """The rows to free, in order; raises InputError for unknown names and for rows of a switched-off imperfection."""
-    off, held = switched_off(without), [row_name(joint, name) for name in fixed]
+    inactive_rows, known_rows = rows_without_effect(without), [row_name(joint, name) for name in fixed]
     if names is None:
-        return tuple(row for row in usual(joint) if row.replace(joint, "JOINT") not in off and row not in held)
+        return tuple(
+            row for row in usual(joint) if row.replace(joint, "JOINT") not in inactive_rows and row not in known_rows
+        )
     rows = tuple(dict.fromkeys(row_name(joint, name) for name in names))
     for row in rows:
-        if row.replace(joint, "JOINT") in off:
+        if row.replace(joint, "JOINT") in inactive_rows:
             raise InputError(f"{row} is free, but its imperfection is left out; leave it out of --free or --without")
-        if row in held:
+        if row in known_rows:
             raise InputError(f"{row} is both free and fixed; name it once")
     return rows
 
 
-def switched_off(without: Sequence[str]) -> set[str]:
+def rows_without_effect(without: Sequence[str]) -> set[str]:
     """Rows, with JOINT for the joint, that have no effect without these imperfections."""
     for name in without:
         if name not in IMPERFECTIONS:
@@ -184,38 +195,40 @@ def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool)
     columns = [j for j, f in enumerate(first.free) if j >= len(first.shared) or f.name in names]
     task.steps = first.steps[columns]
     if same:
-        task.known(task.start, first.at(first.start), J[:, columns])
+        task.take_over(task.start, first.responses_at(first.start), J[:, columns])
 
 
-def _considered(first: Simulations, task: Simulations, found: Found, J: np.ndarray, names: Sequence[str]) -> np.ndarray:
+def _covariance_of_considered(
+    first: Simulations, task: Simulations, optimum: Optimum, J: np.ndarray, names: Sequence[str]
+) -> np.ndarray:
     """Covariance (n, n) of the estimate from rows that keep a value which may be a scale off (Schmidt's considered
     parameters): (J+ J_c S)(J+ J_c S)' with their columns J_c, and their scales S as coordinates."""
-    shared = {f.name: j for j, f in enumerate(first.shared)}
+    columns = {f.name: j for j, f in enumerate(first.shared)}
     p = first.start
-    p[[shared[f.name] for f in task.shared]] = found.p[: len(task.shared)]
-    p[len(first.shared) :] = found.p[len(task.shared) :]
-    first.known(p, task.at(found.p))
-    which = [shared[name] for name in names]
-    spread = np.array([first.free[j].scale / first.free[j].slope(first.free[j].start) for j in which])
-    moved = np.linalg.pinv(J) @ (first.columns(p, which) * spread)
-    return moved @ moved.T
+    p[[columns[f.name] for f in task.shared]] = optimum.p[: len(task.shared)]
+    p[len(first.shared) :] = optimum.p[len(task.shared) :]
+    first.take_over(p, task.responses_at(optimum.p))
+    indices = [columns[name] for name in names]
+    spread = np.array([first.free[j].scale / first.free[j].slope(first.free[j].start) for j in indices])
+    sensitivity = np.linalg.pinv(J) @ (first.columns(p, indices) * spread)
+    return sensitivity @ sensitivity.T
 
 
-def _from_missed_end(
-    task: Simulations, found: Found, joint: str, base: Parameters, missed: Sequence[str]
+def _covariance_of_missed_end(
+    task: Simulations, optimum: Optimum, joint: str, base: Parameters, missed_rows: Sequence[str]
 ) -> np.ndarray:
     """Covariance (n, n) of a stroke whose retracted end no log strikes: the logs tell the sum of the two lengths."""
     cov = np.zeros((len(task.free), len(task.free)))
     first = f"{joint}.retracted_length"
     for j, f in enumerate(task.shared):
-        if f.name == f"{joint}.stroke" and first in missed:
-            cov[j, j] = (scale(first, base[first]) / f.slope(task.values(found.p)[j])) ** 2
+        if f.name == f"{joint}.stroke" and first in missed_rows:
+            cov[j, j] = (scale(first, base[first]) / f.slope(task.values(optimum.p)[j])) ** 2
     return cov
 
 
 def _values(
     task: Simulations,
-    found: Found,
+    optimum: Optimum,
     cov: np.ndarray,
     J: np.ndarray,
     size: discrepancy.Sizes,
@@ -227,17 +240,17 @@ def _values(
     white = size.noise**2 * np.diag(np.linalg.pinv(J.T @ J))
     out = []
     for j, f in enumerate(task.shared):
-        z, spread = found.p[j], wide * np.sqrt(cov[j, j])
-        low, value, high = (float(f.outer(at)) for at in (z - spread, z, z + spread))
+        z, spread = optimum.p[j], wide * np.sqrt(cov[j, j])
+        low, value, high = (float(f.outer(end)) for end in (z - spread, z, z + spread))
         out.append(Value(f.name, f.unit, base[f.name], f.start, value, low, high, float(np.sqrt(white[j] / cov[j, j]))))
     return tuple(out)
 
 
 def _runs(
-    before: Leg,
-    after: Leg,
+    nominal_leg: Leg,
+    calibrated_leg: Leg,
     task: Simulations,
-    found: Found,
+    optimum: Optimum,
     logs: Sequence[Log],
     held_out: Sequence[Log],
     labels: Sequence[str],
@@ -246,16 +259,16 @@ def _runs(
 
     The uncalibrated twin and held-out logs start at the log's first angle.
     """
-    values, shared, out = task.values(found.p), len(task.shared), []
+    values, n_shared, out = task.values(optimum.p), len(task.shared), []
     for k, log in enumerate((*logs, *held_out)):
         held = k >= len(logs)
-        old, new = before.record(log, labels[k]), after.record(log, labels[k])
+        old, new = nominal_leg.record(log, labels[k]), calibrated_leg.record(log, labels[k])
         nominal = _from_first_angle(old, np.empty(0))
         if held:
-            found_run = _from_first_angle(new, values[:shared])
+            found_run = _from_first_angle(new, values[:n_shared])
         else:
-            found_run = new.respond(np.append(values[:shared], values[task.own[k]])[None])[0]
-        u = log.io(before.joint if log.joint else None).u.ravel()
+            found_run = new.respond(np.append(values[:n_shared], values[task.own[k]])[None])[0]
+        u = log.io(nominal_leg.joint if log.joint else None).u.ravel()
         out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
     return tuple(out)
 
@@ -272,27 +285,30 @@ def _from_first_angle(record: Record, values: np.ndarray) -> np.ndarray:
 
 
 def _score(run: Run) -> Score:
-    def rms(of: np.ndarray) -> float:
-        return float(np.sqrt(np.nanmean((run.y - of) ** 2)))
+    def rms(response: np.ndarray) -> float:
+        return float(np.sqrt(np.nanmean((run.y - response) ** 2)))
 
-    def fit(of: np.ndarray) -> float:
-        return float(100.0 * (1.0 - rms(of) / np.nanstd(run.y)))
+    def fit(response: np.ndarray) -> float:
+        return float(100.0 * (1.0 - rms(response) / np.nanstd(run.y)))
 
     return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
 
 
-def _verdict(found: Found, e: np.ndarray, J: np.ndarray, cov: np.ndarray, seconds: float) -> tuple[bool, str]:
+def _verdict(optimum: Optimum, e: np.ndarray, J: np.ndarray, cov: np.ndarray, seconds: float) -> tuple[bool, str]:
     """Whether the search ended at a minimum, and why it ended.
 
     The response of a joint that trips limit switches jumps a little, so that the last steps may find no descent. That
     is good enough if what is left of the way is short beside the standard deviations.
     """
-    left = float(np.max(np.abs(np.linalg.lstsq(J, e)[0]) / np.sqrt(np.diag(cov)), initial=0.0))
-    if found.late:
-        before = "other starts were followed" if found.stop.converged else "it converged"
-        step = f"the next step would be {left:.2g} standard deviations long"
-        said = f"it was stopped after {seconds:g} s, before {before}; {step}"
-        return found.stop.converged or left <= SHORT, said
-    if found.stop.converged or left > SHORT:
-        return found.stop.converged, found.stop.reason
-    return True, f"no step lowers the error, and the next one would be at most {left:.2f} standard deviations long"
+    step_length = float(np.max(np.abs(np.linalg.lstsq(J, e)[0]) / np.sqrt(np.diag(cov)), initial=0.0))
+    if optimum.late:
+        event = "other starts were followed" if optimum.stop.converged else "it converged"
+        step = f"the next step would be {step_length:.2g} standard deviations long"
+        sentence = f"it was stopped after {seconds:g} s, before {event}; {step}"
+        return optimum.stop.converged or step_length <= SHORT, sentence
+    if optimum.stop.converged or step_length > SHORT:
+        return optimum.stop.converged, optimum.stop.reason
+    return (
+        True,
+        f"no step lowers the error, and the next one would be at most {step_length:.2f} standard deviations long",
+    )

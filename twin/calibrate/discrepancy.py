@@ -38,8 +38,8 @@ def bumps(place: np.ndarray, low: float, high: float, width: float) -> np.ndarra
     exp(-d^2 / (2 width^2)) over a distance d in ranges.
     """
     x = (place - low) / (high - low)
-    at = np.linspace(0.0, 1.0, int(np.ceil(1.5 / width)) + 1)
-    shape = np.exp(-(((x[:, None] - at) / width) ** 2))
+    centres = np.linspace(0.0, 1.0, int(np.ceil(1.5 / width)) + 1)
+    shape = np.exp(-(((x[:, None] - centres) / width) ** 2))
     return shape / np.sqrt(np.sum(shape**2, axis=1, keepdims=True))
 
 
@@ -61,9 +61,9 @@ def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float
     groups: tuple[list, list, list] = ([], [], [])
     for y, step in zip(responses, Ts, strict=True):
         shape, (way, moves) = bumps(y, low, high, width), directions(y, step)
-        late = shape * (np.gradient(y, step) * moves)[:, None]
+        rates = shape * (np.gradient(y, step) * moves)[:, None]
         for group, columns in zip(
-            groups, (shape, shape * way[:, None], np.hstack([late, late * way[:, None]])), strict=True
+            groups, (shape, shape * way[:, None], np.hstack([rates, rates * way[:, None]])), strict=True
         ):
             group.append(columns)
     return [np.vstack(group) for group in groups]
@@ -79,21 +79,21 @@ def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float)
     out = []
     for y, step in zip(responses, Ts, strict=True):
         speed, (way, moves) = np.gradient(y, step), directions(y, step)
-        ahead = moves * way
+        direction = moves * way
         # up and down apart: the sum and the difference of the two
         rate = np.hstack([bumps(y, low, high, width), bumps(np.abs(speed), 0.0, fastest, 0.25)]) * moves[:, None]
-        rate = np.hstack([rate, rate * ahead[:, None]]) / np.sqrt(2.0)
+        rate = np.hstack([rate, rate * direction[:, None]]) / np.sqrt(2.0)
         end = ~moves & ((y < low + AT_END * (high - low)) | (y > high - AT_END * (high - low)))
-        out.append(_since(rate * step, end))
+        out.append(_sum_since_reset(rate * step, end))
     return [np.vstack(out)]
 
 
-def _since(change: np.ndarray, reset: np.ndarray) -> np.ndarray:
+def _sum_since_reset(change: np.ndarray, reset: np.ndarray) -> np.ndarray:
     """Running sums of change (N, columns) that begin anew wherever `reset` (N,)."""
     total = np.cumsum(change, axis=0)
     last = np.maximum.accumulate(np.where(reset, np.arange(len(reset)), -1))
-    before = np.where(last[:, None] >= 0, total[np.maximum(last, 0)], 0.0)
-    return total - before
+    offset = np.where(last[:, None] >= 0, total[np.maximum(last, 0)], 0.0)
+    return total - offset
 
 
 def sizes(e: np.ndarray, J: np.ndarray, groups: Sequence[np.ndarray]) -> Sizes:
@@ -109,32 +109,32 @@ def sizes(e: np.ndarray, J: np.ndarray, groups: Sequence[np.ndarray]) -> Sizes:
     # In the span of Phi the problem is small: R = the triangular factor, z the residual's part, rest the other part.
     basis, R = np.linalg.qr(Phi)
     z = basis.T @ residual
-    rest, left = float(residual @ residual - z @ z), len(e) - J.shape[1] - R.shape[0]
+    rest, n_left = float(residual @ residual - z @ z), len(e) - J.shape[1] - R.shape[0]
 
     def cost(logs: np.ndarray) -> float:
         s2, g2 = np.exp(2.0 * logs[0]), np.exp(2.0 * logs[1:])[owner]
         K = (R * g2) @ R.T + s2 * np.eye(len(z))
         L = np.linalg.cholesky(K)
         w = np.linalg.solve(L, z)
-        return float(2.0 * np.sum(np.log(np.diag(L))) + w @ w + rest / s2 + 2.0 * left * logs[0]) / len(e)
+        return float(2.0 * np.sum(np.log(np.diag(L))) + w @ w + rest / s2 + 2.0 * n_left * logs[0]) / len(e)
 
-    white = np.sqrt(max(rest, 1e-300) / max(left, 1))
+    white = np.sqrt(max(rest, 1e-300) / max(n_left, 1))
     first = np.log([white, *(0.3 * white / np.sqrt(np.mean(g**2) * g.shape[1] + 1e-300) for g in groups)])
     limits = [(a - 10.0, a + 6.0) for a in first]
     best = minimize(cost, first, method="L-BFGS-B", bounds=limits)
-    found = np.exp(best.x)
-    return Sizes(float(found[0]), tuple(float(v) for v in found[1:]), -0.5 * float(best.fun) * len(e))
+    estimates = np.exp(best.x)
+    return Sizes(float(estimates[0]), tuple(float(v) for v in estimates[1:]), -0.5 * float(best.fun) * len(e))
 
 
 def estimate(
-    e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored: np.ndarray
+    e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored_samples: np.ndarray
 ) -> tuple[list[np.ndarray], Sizes]:
     """Departures at the scored samples, and their sizes, at the width with the largest restricted likelihood."""
-    tried = []
+    candidates = []
     for width in WIDTHS:
-        groups = [g[scored] for g in (*repeating(responses, Ts, width), *drifting(responses, Ts, width))]
-        tried.append((groups, replace(sizes(e, J, groups), width=width)))
-    return max(tried, key=lambda each: each[1].likelihood)
+        groups = [g[scored_samples] for g in (*repeating(responses, Ts, width), *drifting(responses, Ts, width))]
+        candidates.append((groups, replace(sizes(e, J, groups), width=width)))
+    return max(candidates, key=lambda candidate: candidate[1].likelihood)
 
 
 def covariance(J: np.ndarray, groups: Sequence[np.ndarray], size: Sizes) -> np.ndarray:
@@ -142,6 +142,6 @@ def covariance(J: np.ndarray, groups: Sequence[np.ndarray], size: Sizes) -> np.n
     G = np.linalg.pinv(J)
     total = size.noise**2 * (G @ G.T)
     for s, Phi in zip(size.groups, groups, strict=True):
-        moved = G @ Phi
-        total += s**2 * (moved @ moved.T)
+        projection = G @ Phi
+        total += s**2 * (projection @ projection.T)
     return total

@@ -14,7 +14,7 @@ ALIKE = 0.9  # correlation from which two parameters are said to act alike
 
 
 @dataclass(frozen=True)
-class Told:
+class Identifiability:
     """A parameter, the standard deviation that the records promise [unit], its scale, and those that act alike.
 
     `told` is false where the deviation is above `LIMIT` of the scale, with all parameters kept so far free, and for the
@@ -42,21 +42,21 @@ class Told:
         return f"These records hardly show {self.name}; it keeps its value."
 
 
-def promised(J: np.ndarray, noise: float) -> np.ndarray:
+def promised_covariance(J: np.ndarray, noise: float) -> np.ndarray:
     """Covariance (n, n) of coordinates from a Jacobian (N, n) and white noise; infinite variance without any effect."""
     size = np.linalg.norm(J, axis=0)
     acts = size > 1e-9 * size.max(initial=0.0)
     out = np.diag(np.full(J.shape[1], np.inf))
     if acts.any():
-        scaled = J[:, acts] / size[acts]
-        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12, hermitian=True)
+        design = J[:, acts] / size[acts]
+        inverse = np.linalg.pinv(design.T @ design, rcond=1e-12, hermitian=True)
         out[np.ix_(acts, acts)] = noise**2 * inverse / np.outer(size[acts], size[acts])
     return out
 
 
 def tell(
     problem: Simulations, J: np.ndarray, noise: float, order: Sequence[str], missed: Sequence[str] = ()
-) -> tuple[Told, ...]:
+) -> tuple[Identifiability, ...]:
     """What the Jacobian J (N, n) at the start promises for the parameters `order`, for residuals of size `noise`.
 
     `missed` are rows of ends that no log strikes. They move the response only through limit switches and the other end.
@@ -64,36 +64,40 @@ def tell(
     As long as a parameter is not told, the one that comes last in `order` among those not told is fixed, which may
     leave the others well told.
     """
-    p, shared = problem.start, len(problem.shared)
+    p, n_shared = problem.start, len(problem.shared)
     slopes = problem.slopes(p)
-    kept = [j for j, f in enumerate(problem.free) if j >= shared or (f.name in order and f.name not in missed)]
+    columns = [j for j, f in enumerate(problem.free) if j >= n_shared or (f.name in order and f.name not in missed)]
     verdicts = {
-        f.name: Told(f.name, f.unit, np.inf, f.scale, False, missed=True) for f in problem.shared if f.name in missed
+        f.name: Identifiability(f.name, f.unit, np.inf, f.scale, False, missed=True)
+        for f in problem.shared
+        if f.name in missed
     }
     while True:
-        cov = promised(J[:, kept], noise)
+        cov = promised_covariance(J[:, columns], noise)
         std = np.sqrt(np.diag(cov))
         rows = [
-            _told(problem.free[j], float(std[i] * slopes[j]), _alike(problem.free, cov, kept, i, shared))
-            for i, j in enumerate(kept)
-            if j < shared
+            _assess_parameter(
+                problem.free[j], float(std[i] * slopes[j]), _alike(problem.free, cov, columns, i, n_shared)
+            )
+            for i, j in enumerate(columns)
+            if j < n_shared
         ]
         doubtful = [row for row in rows if not row.told]
         if not doubtful:
             break
         last = max(doubtful, key=lambda row: order.index(row.name))
         verdicts[last.name] = last
-        kept = [j for j in kept if problem.free[j].name != last.name]
+        columns = [j for j in columns if problem.free[j].name != last.name]
     verdicts |= {row.name: row for row in rows}
     return tuple(verdicts[name] for name in order)
 
 
-def _told(free: Free, expected: float, alike: tuple[str, ...]) -> Told:
-    return Told(free.name, free.unit, expected, free.scale, bool(expected <= LIMIT * free.scale), alike)
+def _assess_parameter(free: Free, deviation: float, alike: tuple[str, ...]) -> Identifiability:
+    return Identifiability(free.name, free.unit, deviation, free.scale, bool(deviation <= LIMIT * free.scale), alike)
 
 
-def _alike(free: Sequence[Free], cov: np.ndarray, kept: Sequence[int], i: int, shared: int) -> tuple[str, ...]:
+def _alike(free: Sequence[Free], cov: np.ndarray, columns: Sequence[int], i: int, n_shared: int) -> tuple[str, ...]:
     """Names of the shared parameters whose estimate would follow that of parameter i."""
     with np.errstate(invalid="ignore", divide="ignore"):
         r = cov[i] / np.sqrt(cov[i, i] * np.diag(cov))
-    return tuple(free[j].name for k, j in enumerate(kept) if k != i and j < shared and abs(r[k]) > ALIKE)
+    return tuple(free[j].name for k, j in enumerate(columns) if k != i and j < n_shared and abs(r[k]) > ALIKE)

@@ -88,12 +88,12 @@ def scale(name: str, value: float) -> float:
 
 def free(names: Sequence[str], start: Parameters) -> tuple[Free, ...]:
     """The rows `names` to calibrate from the values of `start`."""
-    found = []
+    entries = []
     for name in names:
         row = ROWS[name]
         step = _STEPS.get(name.rpartition(".")[2], 0.05)
-        found.append(Free(name, start[name], row.lower, row.upper, row.unit, scale(name, row.nominal), step))
-    return tuple(found)
+        entries.append(Free(name, start[name], row.lower, row.upper, row.unit, scale(name, row.nominal), step))
+    return tuple(entries)
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ class Leg:
         """The log, whose own parameter is the drive's angle at its first sample; lost samples are not scored."""
         follower = Follower(log, self.joint, self.without, self.pot_side, self.realisation, self.threads)
         low, high = end_angles(self.base, self.joint)
-        scored = log.io(self.joint if log.joint else None).observed.ravel()
-        y = np.where(scored, follower.y, np.nan)
+        mask = log.io(self.joint if log.joint else None).observed.ravel()
+        y = np.where(mask, follower.y, np.nan)
         first = float(np.clip(np.median(follower.y[:3]), low, high))
         start = Free("start", first, min(low, first) - 0.3, max(high, first) + 0.3, "rad", np.deg2rad(1.0))
         return Record(name, y, log.Ts, lambda values: self.respond(follower, values), (start,))
@@ -130,27 +130,30 @@ class Leg:
 
         The delay is applied to the reading. Rows that differ only in it are simulated once.
         """
-        late, others = np.full(len(values), self.base[DELAY]), values.copy()
+        delays, points = np.full(len(values), self.base[DELAY]), values.copy()
         if DELAY in self.names:
-            late = values[:, self.names.index(DELAY)]
-            others[:, self.names.index(DELAY)] = 0.0
-        simulated, which = np.unique(others, axis=0, return_inverse=True)
-        legs = [self._leg(row[:-1]) for row in simulated]
+            delays = values[:, self.names.index(DELAY)]
+            points[:, self.names.index(DELAY)] = 0.0
+        unique_points, indices = np.unique(points, axis=0, return_inverse=True)
+        legs = [self._leg(row[:-1]) for row in unique_points]
         out = np.full((len(values), len(follower.y)), np.nan)
-        rows = [i for i in range(len(values)) if legs[which[i]] is not None]
-        once = list(dict.fromkeys(which[rows]))
-        if once:
+        rows = [i for i in range(len(values)) if legs[indices[i]] is not None]
+        simulated_legs = list(dict.fromkeys(indices[rows]))
+        if simulated_legs:
             out[rows] = follower.readings(
-                [legs[k] for k in once], simulated[once, -1], late[rows], [once.index(k) for k in which[rows]]
+                [legs[k] for k in simulated_legs],
+                unique_points[simulated_legs, -1],
+                delays[rows],
+                [simulated_legs.index(k) for k in indices[rows]],
             )
         return out
 
     def _leg(self, values: np.ndarray) -> Parameters | None:
         """The parameters, None for pins that the actuator cannot span or a rotor too light for the simulation."""
         try:
-            found = self.parameters(values).replace({DELAY: 0.0})
-            end_angles(found, self.joint)
-            check_rotor(found, self.joint)
+            parameters = self.parameters(values).replace({DELAY: 0.0})
+            end_angles(parameters, self.joint)
+            check_rotor(parameters, self.joint)
         except InputError:
             return None
-        return found
+        return parameters

@@ -109,12 +109,10 @@ class Simulations:
         if not records:
             raise InputError("there is no record; give at least one")
         self.shared, self.records = tuple(shared), tuple(records)
-        self.free = (*self.shared, *(own for record in records for own in record.own))
+        self.free = (*self.shared, *(parameter for record in records for parameter in record.own))
         ends = len(self.shared) + np.cumsum([len(record.own) for record in records])
         self.own = [np.arange(end - len(r.own), end) for r, end in zip(records, ends, strict=True)]
-        self.low, self.high = (
-            np.array([f.inner(getattr(f, bound)) for f in self.free]) for bound in ("lower", "upper")
-        )
+        self.low, self.high = (np.array([f.inner(getattr(f, name)) for f in self.free]) for name in ("lower", "upper"))
         self.noise = noise if noise is not None else float(np.median([noise_of(record.y) for record in records]))
         self.steps = np.array([f.step for f in self.free])
         self.central = False
@@ -122,7 +120,7 @@ class Simulations:
         self._known: dict[bytes, list[np.ndarray]] = {}
         self._linear: tuple[bool, list[np.ndarray], np.ndarray] | None = None
 
-    def known(self, p: np.ndarray, responses: list[np.ndarray], J: np.ndarray | None = None) -> None:
+    def take_over(self, p: np.ndarray, responses: list[np.ndarray], J: np.ndarray | None = None) -> None:
         """Take over responses, and a Jacobian (N, n), that another problem has simulated at p."""
         self._known[p.tobytes()] = responses
         if J is not None:
@@ -166,7 +164,7 @@ class Simulations:
         self.simulations += len(points)
         return self.records[k].respond(values)
 
-    def at(self, p: np.ndarray) -> list[np.ndarray]:
+    def responses_at(self, p: np.ndarray) -> list[np.ndarray]:
         """Responses (N,) of each record at p, simulated once."""
         key = p.tobytes()
         if key not in self._known:
@@ -177,7 +175,7 @@ class Simulations:
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """y - yhat of the scored samples of all records; None if a simulation failed."""
-        e = self._residuals(self.at(p))
+        e = self._residuals(self.responses_at(p))
         return e if np.all(np.isfinite(e)) else None
 
     def losses(self, points: np.ndarray) -> np.ndarray:
@@ -199,7 +197,7 @@ class Simulations:
         e = self.residual(p)
         assert e is not None  # a search only linearises where it found a loss
         if self._linear is None or not self._same(p):
-            self._linear = self.central, self.at(p), self.columns(p, range(len(p)))
+            self._linear = self.central, self.responses_at(p), self.columns(p, range(len(p)))
         return e, self._linear[2]
 
     def _same(self, p: np.ndarray) -> bool:
@@ -208,46 +206,50 @@ class Simulations:
         central, responses, J = self._linear
         if central != self.central:
             return False
-        old, e = self._residuals(responses), self._residuals(self.at(p))
+        old, e = self._residuals(responses), self._residuals(self.responses_at(p))
         if np.sum((e - old) ** 2) > len(e) * (SAME * self.noise) ** 2:
             return False
-        promised = np.sum((np.linalg.qr(J)[0].T @ old) ** 2)
-        return bool(old @ old - e @ e >= KEPT * promised)
+        promise = np.sum((np.linalg.qr(J)[0].T @ old) ** 2)
+        return bool(old @ old - e @ e >= KEPT * promise)
 
     def _residuals(self, responses: list[np.ndarray]) -> np.ndarray:
         return np.concatenate([(r.y - row)[r.scored] for r, row in zip(self.records, responses, strict=True)])
 
-    def columns(self, p: np.ndarray, which: Sequence[int]) -> np.ndarray:
-        """Columns `which` of dyhat/dp (N, which) at p (n,).
+    def columns(self, p: np.ndarray, indices: Sequence[int]) -> np.ndarray:
+        """Columns `indices` of dyhat/dp (N, which) at p (n,).
 
         Those whose step changed the response by far too little or too much are simulated again.
         """
-        base, todo, aim = self.at(p), list(which), LEVEL * self.noise
+        base, todo, aim = self.responses_at(p), list(indices), LEVEL * self.noise
         J = np.zeros((sum(self.lengths), len(p)))
         for round_ in range(ROUNDS):
-            steps = self._inside(p, todo)
+            steps = self._signed_steps(p, todo)
             changes = self._changes(p, base, todo, steps)
             if self.central:
                 steps, changes = self._both_sides(p, base, todo, steps, changes)
-            found = np.array([self._size(j, column) for j, column in zip(todo, changes.T, strict=True)])
+            sizes = np.array([self._size(j, column) for j, column in zip(todo, changes.T, strict=True)])
             J[:, todo] = np.where(np.isfinite(changes), changes, 0.0) / steps
             wide = np.abs(steps) / self.steps[todo]  # about 2 for central differences, less near a bound
-            ratio = np.where(np.isfinite(found), found, np.inf) / (aim * wide)
+            ratio = np.where(np.isfinite(sizes), sizes, np.inf) / (aim * wide)
             factor = np.clip(1.0 / np.maximum(ratio, 1e-9), 1.0 / CHANGE, CHANGE)
-            before = self.steps[todo]
-            self.steps[todo] = np.clip(before * factor, SMALLEST, LARGEST)
-            off = (ratio > BAND) | (ratio < 1.0 / BAND)
-            again = off & (np.abs(np.log(self.steps[todo] / before)) > 0.1) if round_ < ROUNDS - 1 else off & False
-            todo = [j for j, more in zip(todo, again, strict=True) if more]
+            old_steps = self.steps[todo]
+            self.steps[todo] = np.clip(old_steps * factor, SMALLEST, LARGEST)
+            outside_band = (ratio > BAND) | (ratio < 1.0 / BAND)
+            redo = (
+                outside_band & (np.abs(np.log(self.steps[todo] / old_steps)) > 0.1)
+                if round_ < ROUNDS - 1
+                else outside_band & False
+            )
+            todo = [j for j, repeat in zip(todo, redo, strict=True) if repeat]
             if not todo:
                 break
-        return J[:, list(which)]
+        return J[:, list(indices)]
 
-    def _inside(self, p: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+    def _signed_steps(self, p: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Signed steps of the columns; to the side with more room where the bound is near."""
-        h, up, down = self.steps[columns], (self.high - p)[columns], (p - self.low)[columns]
-        sign = np.where((h <= up) | (up >= down), 1.0, -1.0)
-        return sign * np.minimum(h, np.maximum(up, down))
+        h, room_above, room_below = self.steps[columns], (self.high - p)[columns], (p - self.low)[columns]
+        sign = np.where((h <= room_above) | (room_above >= room_below), 1.0, -1.0)
+        return sign * np.minimum(h, np.maximum(room_above, room_below))
 
     def _both_sides(
         self,
@@ -259,12 +261,12 @@ class Simulations:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Steps and changes from the point as far on the other side; one-sided where a bound leaves no room for it."""
         room = np.where(steps > 0.0, (p - self.low)[columns], (self.high - p)[columns])
-        back = -np.sign(steps) * np.minimum(np.abs(steps), room)
-        two = np.flatnonzero(np.abs(back) > 0.5 * np.abs(steps))
+        opposite = -np.sign(steps) * np.minimum(np.abs(steps), room)
+        two = np.flatnonzero(np.abs(opposite) > 0.5 * np.abs(steps))
         if len(two):
-            behind = self._changes(p, base, [columns[int(i)] for i in two], back[two])
+            opposite_changes = self._changes(p, base, [columns[int(i)] for i in two], opposite[two])
             steps, changes = steps.copy(), changes.copy()
-            steps[two], changes[:, two] = steps[two] - back[two], changes[:, two] - behind
+            steps[two], changes[:, two] = steps[two] - opposite[two], changes[:, two] - opposite_changes
         return steps, changes
 
     def _changes(self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray) -> np.ndarray:
@@ -282,5 +284,5 @@ class Simulations:
 
     def _size(self, j: int, column: np.ndarray) -> float:
         """RMS of a change (N,) over the records in which parameter j acts."""
-        acts = [j < len(self.shared) or j in own for own in self.own]
+        acts = [j < len(self.shared) or j in indices for indices in self.own]
         return float(np.sqrt(np.sum(column**2) / sum(N for N, a in zip(self.lengths, acts, strict=True) if a)))

@@ -8,8 +8,8 @@ import numpy as np
 
 from sysid.base.errors import unknown
 from twin.calibrate import discrepancy
-from twin.calibrate.identifiability import Told
-from twin.calibrate.search import Found
+from twin.calibrate.identifiability import Identifiability
+from twin.calibrate.search import Optimum
 from twin.parameters import Parameters
 
 LEVEL = 0.95
@@ -70,9 +70,9 @@ class Calibration:
     parameters: Parameters
     values: tuple[Value, ...]
     correlation: np.ndarray
-    told: tuple[Told, ...]
+    told: tuple[Identifiability, ...]
     fixed: Mapping[str, str]
-    found: Found
+    found: Optimum
     converged: bool
     reason: str
     sizes: discrepancy.Sizes

@@ -19,7 +19,7 @@ USUAL = Options(ITERATIONS, COARSE, TRIES)
 
 
 @dataclass(frozen=True)
-class Found:
+class Optimum:
     """Coordinates p (n,), the sum of squares there and at the start, why the search stopped, and its iterations.
 
     `descents` were made from different starts and `agreed` of them reached the best loss. `late`: the time was over
@@ -36,14 +36,14 @@ class Found:
     late: bool = False
 
 
-def find(
+def find_optimum(
     problem: Simulations,
     rng: np.random.Generator,
     draws: int = 24,
     descents: int = 2,
     progress: Callable[[int, float], None] | None = None,
     options: Options = USUAL,
-) -> Found:
+) -> Optimum:
     """A trust region from the start and, if the residual there is large, from the best of `draws` drawn ones.
 
     Starts are drawn one scale around the first one, in one batch, and the best `descents` of all are followed; the loss
@@ -56,10 +56,10 @@ def find(
     if time.monotonic() > options.deadline:  # a Jacobian that leads to no step takes as long as all of the rest
         problem.central = True
         stop = Stop(f"limit of {options.max_seconds:g} s reached before the first step", False, 0, 1)
-        return Found(problem.start, first, first, stop, (), 0, 0, True)
+        return Optimum(problem.start, first, first, stop, (), 0, 0, True)
     if not first < GOOD**2 * problem.spread and draws:
-        away = problem.repair(problem.start + rng.standard_normal((draws, len(problem.free))))
-        points = np.concatenate([points, away])
+        starts = problem.repair(problem.start + rng.standard_normal((draws, len(problem.free))))
+        points = np.concatenate([points, starts])
         losses = problem.losses(points)
         points = points[np.argsort(losses)[:descents]]
     outcomes = [_descend(problem, points[0], progress, options)]
@@ -68,9 +68,9 @@ def find(
             break
         outcomes.append(_descend(problem, p, progress, options))
     best = min(outcomes, key=lambda outcome: outcome.cost)
-    agreed = sum(outcome.cost <= AGREE * best.cost for outcome in outcomes)
+    n_agreed = sum(outcome.cost <= AGREE * best.cost for outcome in outcomes)
     late = time.monotonic() > options.deadline and (not best.stop.converged or len(outcomes) < len(points))
-    return Found(best.p, best.cost, first, best.stop, best.history, len(outcomes), agreed, late)
+    return Optimum(best.p, best.cost, first, best.stop, best.history, len(outcomes), n_agreed, late)
 
 
 def _descend(

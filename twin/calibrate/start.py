@@ -56,22 +56,22 @@ def from_joint(
     if any(log.mode != "voltage" for log in logs):
         return Start(base)
     data = [log.io(joint if log.joint else None) for log in logs]
-    longest = max(data, key=lambda one: len(one.y))
-    same = all(one.Ts == longest.Ts for one in data)
+    longest = max(data, key=lambda run: len(run.y))
+    same = all(run.Ts == longest.Ts for run in data)
     record = IOData.merge(*data) if same and len(data) > 1 else longest
     fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed, options=options)
     values = joint_values(fit)
     by_name = {value.name: value for value in values}
-    missed = _not_struck(data, by_name)
-    for end in missed:
+    missed_ends = _not_struck(data, by_name)
+    for end in missed_ends:
         by_name.pop(end, None)
-    low, high = (float(of([of(one.y) for one in data])) for of in (np.min, np.max))
-    base = _out_of_the_way(joint, base, missed, low, high)
-    mapped = mapped_rows(joint, base, by_name, names)
-    rows = [end_row(joint, end) for end in missed]
-    if missed == ["end_low"] and joint != "shoulder" and f"{joint}.stroke" not in names:
+    low, high = (float(extreme([extreme(run.y) for run in data])) for extreme in (np.min, np.max))
+    base = _out_of_the_way(joint, base, missed_ends, low, high)
+    row_values = mapped_rows(joint, base, by_name, names)
+    rows = [end_row(joint, end) for end in missed_ends]
+    if missed_ends == ["end_low"] and joint != "shoulder" and f"{joint}.stroke" not in names:
         rows = []  # with a known stroke, the struck end tells the retracted length
-    return Start(base.replace(mapped), values, mapped, float(np.sqrt(fit.criteria.mse)), tuple(rows))
+    return Start(base.replace(row_values), values, row_values, float(np.sqrt(fit.criteria.mse)), tuple(rows))
 
 
 def end_row(joint: str, end: str) -> str:
@@ -80,14 +80,14 @@ def end_row(joint: str, end: str) -> str:
     return f"{joint}.{pair[end == 'end_high']}"
 
 
-def _out_of_the_way(joint: str, p: Parameters, missed: Sequence[str], low: float, high: float) -> Parameters:
-    """Parameters whose ends in `missed` lie beyond the angles `low` to `high` that the logs reached; the other end is
+def _out_of_the_way(joint: str, p: Parameters, missed_ends: Sequence[str], low: float, high: float) -> Parameters:
+    """Parameters whose `missed_ends` lie beyond the angles `low` to `high` that the logs reached; the other end is
     where it was."""
     ends = dict(zip(("end_low", "end_high"), end_angles(p, joint), strict=True))
-    for end, reached, outward in (("end_low", low, -1.0), ("end_high", high, 1.0)):
-        if end not in missed or outward * (ends[end] - reached) > CLEAR:
+    for end, reached_angle, outward in (("end_low", low, -1.0), ("end_high", high, 1.0)):
+        if end not in missed_ends or outward * (ends[end] - reached_angle) > CLEAR:
             continue
-        angle, row = reached + 2.0 * outward * CLEAR, end_row(joint, end)
+        angle, row = reached_angle + 2.0 * outward * CLEAR, end_row(joint, end)
         if joint == "shoulder":
             p = p.replace({row: angle})
             continue
@@ -106,36 +106,36 @@ def _not_struck(data: Sequence[IOData], values: Mapping[str, JointValue]) -> lis
     The fitted joint may put a stop where a log merely turns round. Without a stop, the joint would pass the last part
     of its range at its speed.
     """
-    low, high = (float(of([of(one.y) for one in data])) for of in (np.min, np.max))
-    part, speed, lost = NEAR * (high - low), values["speed_per_volt"].value, []
+    low, high = (float(extreme([extreme(run.y) for run in data])) for extreme in (np.min, np.max))
+    part, speed, missed_ends = NEAR * (high - low), values["speed_per_volt"].value, []
     for end, outward, name in (("end_low", -1.0, "coulomb_down"), ("end_high", 1.0, "coulomb_up")):
-        needed, rests = outward * values[name].value, 0.0
-        for one in data:
-            push = outward * one.u.ravel() - max(needed, 0.0)
-            away = one.y.ravel() - low if outward < 0.0 else high - one.y.ravel()
-            driven = (away < part) & (push > PUSH * max(needed, 0.0) + 0.1)
-            passing = part / (speed * float(push[driven].mean())) if driven.any() and speed > 0.0 else np.inf
-            ends = np.flatnonzero(np.diff(np.concatenate([[0], driven.astype(int), [0]])))
-            rests = max(rests, one.Ts * float(np.max(ends[1::2] - ends[::2], initial=0)) / passing)
+        threshold, rests = outward * values[name].value, 0.0
+        for run in data:
+            push = outward * run.u.ravel() - max(threshold, 0.0)
+            distance = run.y.ravel() - low if outward < 0.0 else high - run.y.ravel()
+            pushing = (distance < part) & (push > PUSH * max(threshold, 0.0) + 0.1)
+            passing = part / (speed * float(push[pushing].mean())) if pushing.any() and speed > 0.0 else np.inf
+            ends = np.flatnonzero(np.diff(np.concatenate([[0], pushing.astype(int), [0]])))
+            rests = max(rests, run.Ts * float(np.max(ends[1::2] - ends[::2], initial=0)) / passing)
         if rests < RESTS:
-            lost.append(end)
-    return lost
+            missed_ends.append(end)
+    return missed_ends
 
 
 def mapped_rows(
     joint: str, base: Parameters, values: Mapping[str, JointValue], names: Sequence[str]
 ) -> dict[str, float]:
     """Values of the rows `names` at which the twin has the joint's physical values, within the rows' bounds."""
-    p, found = base, dict[str, float]()
+    p, result = base, dict[str, float]()
     for rule in (_ends, _speed, _friction, _lag, _delay):
         for name, value in rule(joint, p, values).items():
             row = ROWS[name]
             if name in names and np.isfinite(value):
-                one = {name: float(np.clip(value, row.lower, row.upper))}
-                if _valid(p.replace(one), joint):
-                    found |= one
-                    p = p.replace(one)
-    return found
+                change = {name: float(np.clip(value, row.lower, row.upper))}
+                if _valid(p.replace(change), joint):
+                    result |= change
+                    p = p.replace(change)
+    return result
 
 
 def _valid(p: Parameters, joint: str) -> bool:
@@ -168,12 +168,12 @@ def _ends(joint: str, p: Parameters, values: Values) -> dict[str, float]:
         pairs = (("shoulder.lower", lower, half), ("shoulder.upper", upper, -half))
         return {name: value + shift for name, value, shift in pairs if value is not None}
     triangle = linkage(p, joint)
-    found, first = dict[str, float](), p[f"{joint}.retracted_length"]
+    result, first = dict[str, float](), p[f"{joint}.retracted_length"]
     if lower is not None:
-        first = found[f"{joint}.retracted_length"] = float(triangle.length(lower))
+        first = result[f"{joint}.retracted_length"] = float(triangle.length(lower))
     if upper is not None:
-        found[f"{joint}.stroke"] = float(triangle.length(upper)) - first
-    return found
+        result[f"{joint}.stroke"] = float(triangle.length(upper)) - first
+    return result
 
 
 def _speed(joint: str, p: Parameters, values: Values) -> dict[str, float]:
@@ -193,13 +193,13 @@ def _friction(joint: str, p: Parameters, values: Values) -> dict[str, float]:
     for name in ("coulomb_up", "coulomb_down"):
         if name not in values or not _sure(values[name], ROUGH * abs(values[name].value)):
             return {}
-    held = load(joint, p, *linear_bench(joint, p))
-    per_volt, lost = motor(p, joint).force_per_volt, drive(p, joint).dead_band
+    weight = load(joint, p, *linear_bench(joint, p))
+    per_volt, dead_band = motor(p, joint).force_per_volt, drive(p, joint).dead_band
     dry = []
     for name, direction in (("coulomb_up", 1), ("coulomb_down", -1)):
-        volts = values[name].value * direction - lost
+        volts = values[name].value * direction - dead_band
         bearing = p[f"{joint}.bearing_coulomb"] / abs(arm(joint, p))
-        dry.append(volts * per_volt - direction * held - bearing - p[f"{joint}.load_friction"] * abs(held))
+        dry.append(volts * per_volt - direction * weight - bearing - p[f"{joint}.load_friction"] * abs(weight))
     mean = (dry[0] + dry[1]) / 2
     tilt = (dry[0] - dry[1]) / 2 / mean if mean > 0.0 else 0.0
     return {f"{joint}.coulomb": max(mean, 0.0), f"{joint}.asymmetry": tilt}

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 
 from twin.cli import environment
-from twin.cli.stopping import Stopping, at_once, caused_by, stay_ignored
+from twin.cli.stopping import Stopping, caused_by, exit_on_signal, stay_ignored
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -22,36 +22,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 return _fail(sentence)
             return _run(arguments, stopping)
     except KeyboardInterrupt:  # before the first line of the run, or after its last
-        from twin.cli.results import kept
+        from twin.cli.results import outcome
 
-        return _stopped(kept())
+        return _report_stop(outcome())
 
 
 def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
     # Importing takes most of a second, in which a person may change their mind.
-    with at_once(_NOTHING) if arguments is None else nullcontext():
+    with exit_on_signal(_NOTHING) if arguments is None else nullcontext():
         from typer.exceptions import TyperException
 
         from sysid.base.errors import InputError
         from twin.cli import results
         from twin.cli.app import build
-        from twin.cli.console import Stopped
+        from twin.cli.console import Interruption
 
         verbs = build()
         stay_ignored()
     results.begin()
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with _named_shell(given):
-            code = verbs(given or ["--help"], prog_name="qpal", standalone_mode=False)
+        with _named_shell(words):
+            code = verbs(words or ["--help"], prog_name="qpal", standalone_mode=False)
         environment.flush()
-    except (KeyboardInterrupt, Stopped) as stopped:
-        stopping.over()
-        return _stopped(str(stopped) or results.kept(), stopping.why)
+    except (KeyboardInterrupt, Interruption) as stopped:
+        stopping.finish()
+        return _report_stop(str(stopped) or results.outcome(), stopping.why)
     except BaseException as error:
         if stopping.asked:  # a library made an error of its own of the interrupt
-            stopping.over()
-            return _stopped(results.kept(), stopping.why)
+            stopping.finish()
+            return _report_stop(results.outcome(), stopping.why)
         if isinstance(error, (OSError, SystemExit)) and caused_by(error, BrokenPipeError):
             # The reader of our output went away (`qpal ... | head`): nothing is wrong, and nobody is left to tell.
             environment.drop()
@@ -62,24 +62,24 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
             return _fail(str(error))
         elif isinstance(error, TyperException):
             command = getattr(getattr(error, "ctx", None), "command_path", "qpal")
-            said = str(InputError(error.format_message().rstrip(".")))  # a long or strange text is cut there
-            return _fail(f"{said}; see {command} --help")
+            text = str(InputError(error.format_message().rstrip(".")))  # a long or strange text is cut there
+            return _fail(f"{text}; see {command} --help")
         elif isinstance(error, OSError):
             environment.drop()
-            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {results.kept()}")
+            return _fail(f"{error.filename or 'output'}: {error.strerror or error}; {results.outcome()}")
         else:
             raise
     if code == 130:  # the interrupt, as typer says it
-        stopping.over()
-        return _stopped(results.kept(), stopping.why)
+        stopping.finish()
+        return _report_stop(results.outcome(), stopping.why)
     return code if isinstance(code, int) else 0
 
 
 _NOTHING = "qpal: stopped; nothing was written"
 
 
-def _stopped(kept: str, why: str = "") -> int:
-    environment.say(f"qpal: stopped{why}; {kept}")
+def _report_stop(outcome: str, reason: str = "") -> int:
+    environment.say(f"qpal: stopped{reason}; {outcome}")
     return 130
 
 
@@ -89,13 +89,13 @@ def _fail(sentence: str) -> int:
 
 
 @contextmanager
-def _named_shell(given: Sequence[str]) -> Iterator[None]:
+def _named_shell(words: Sequence[str]) -> Iterator[None]:
     """`--show-completion zsh` names a shell, where typer would look for the one that it runs in and ignore the name.
 
     Typer has options that take the name too; this variable selects them.
     """
     name = "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION"
-    if len(given) != 2 or given[0] not in ("--show-completion", "--install-completion") or name in os.environ:
+    if len(words) != 2 or words[0] not in ("--show-completion", "--install-completion") or name in os.environ:
         yield
         return
     os.environ[name] = "1"

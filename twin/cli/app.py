@@ -37,7 +37,7 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
-def whole(
+def qpal_options(
     version: Annotated[
         bool, typer.Option("--version", help="print the version and end", callback=_version, is_eager=True)
     ] = False,
@@ -49,11 +49,11 @@ class _Verb(Verb):
     """A verb whose help shows its arguments by name alone, without their Python types."""
 
     def get_params(self, ctx: Any) -> list[Any]:
-        found = super().get_params(ctx)
-        for argument in found:
+        parameters = super().get_params(ctx)
+        for argument in parameters:
             if isinstance(argument, TyperArgument):
-                vars(argument)["display_type_rich"] = _untyped
-        return found
+                vars(argument)["display_type_rich"] = _no_type
+        return parameters
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [
@@ -61,7 +61,7 @@ class _Verb(Verb):
         ]
 
 
-def _untyped(ctx: Any) -> None:
+def _no_type(ctx: Any) -> None:
     return None
 
 
@@ -73,7 +73,7 @@ def build() -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # help is shown as it is written: rich takes words in brackets for its own marks
     )
-    app.callback()(whole)
+    app.callback()(qpal_options)
     for verb in VERBS:
         app.command(cls=_Verb)(verb)
     app.add_typer(bench.build())

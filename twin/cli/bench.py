@@ -12,7 +12,7 @@ from sysid.base.errors import InputError, unknown
 from twin.cli import console, options
 from twin.cli.options import Verb
 from twin.cli.output import output_folder, run_folder
-from twin.cli.results import written
+from twin.cli.results import note_result
 
 if TYPE_CHECKING:
     from sysid.bench.cell import Cell, Redrawn
@@ -43,15 +43,15 @@ def all_families(records: Path | None = None) -> "dict[str, Family]":
     from sysid.bench.scenarios.real import Real
     from twin import bench
 
-    found: dict[str, Family] = {**scenarios.TABLE, **bench.TABLE}
+    table: dict[str, Family] = {**scenarios.TABLE, **bench.TABLE}
     if records is None:
-        return found
+        return table
     if not records.is_dir():
         raise InputError(f"there is no folder {records}; give the folder that holds the records")
-    here = str(records.resolve())  # workers may run elsewhere
+    folder = str(records.resolve())  # workers may run elsewhere
     if any(records.rglob("*.hdf5")):
-        return found | {"files": Files(here)}
-    return found | {"real": Real(folder=here)}
+        return table | {"files": Files(folder)}
+    return table | {"real": Real(folder=folder)}
 
 
 def all_methods() -> "dict[str, AnyMethod]":
@@ -61,35 +61,35 @@ def all_methods() -> "dict[str, AnyMethod]":
     return dict(known.TABLE)
 
 
-def add_file(text: str, into: "dict[str, AnyMethod]") -> str:
-    """The name of a method; one that a file holds is added to `into`."""
+def add_file(text: str, table: "dict[str, AnyMethod]") -> str:
+    """The name of a method; one that a file holds is added to `table`."""
     if not text.endswith(".py") and os.sep not in text:
         return text
     from sysid.bench.method_file import load
     from sysid.bench.suites import OWN, PEERS
 
     method = load(text)
-    if method.name in into or method.name in (OWN, PEERS):
+    if method.name in table or method.name in (OWN, PEERS):
         raise InputError(f"{text} has the name of a method that is there already; rename the file")
-    into[method.name] = method
+    table[method.name] = method
     return method.name
 
 
 def find_scenario(text: str, records: Path | None) -> "tuple[Family, str]":
     """The family and the name of "family/name"."""
     family, _, name = text.partition("/")
-    known = all_families(records)
-    if family not in known:
-        raise unknown("family of scenarios", family, known)
-    if name not in known[family].scenarios():
-        raise unknown(f"scenario of {family}", name, known[family].scenarios())
-    return known[family], name
+    table = all_families(records)
+    if family not in table:
+        raise unknown("family of scenarios", family, table)
+    if name not in table[family].scenarios():
+        raise unknown(f"scenario of {family}", name, table[family].scenarios())
+    return table[family], name
 
 
 def selected_cells(
     tag: str | None,
     patterns: list[str] | None,
-    named: list[str] | None,
+    method_names: list[str] | None,
     seeds: int | None,
     first: int | None,
     budget: float | None,
@@ -108,14 +108,14 @@ def selected_cells(
             raise InputError(f"--{name} is {value}; give a positive number")
     if first is not None and not 0 <= first < 2**62:
         raise InputError(f"--first is {first}; give a whole number from 0 to 2^62")
-    known, suite = all_methods(), suites.SUITES[tag or "quick"]
-    names = tuple(add_file(text, known) for text in named or ())
+    table, suite = all_methods(), suites.SUITES[tag or "quick"]
+    names = tuple(add_file(text, table) for text in method_names or ())
     patterns = None if patterns is None else [p if "/" in p else f"{p}/*" for p in patterns]
     if patterns is not None:
         parts = [suites.Part(tuple(patterns), names or (suites.BAR, *GENERAL), seeds or 1)]
     else:
         parts = [suites.Part(part.scenarios, names or part.methods, seeds or part.seeds) for part in suite.parts]
-    return suites.cells(parts, budget or suite.seconds, all_families(records), known, first, OURS)
+    return suites.cells(parts, budget or suite.seconds, all_families(records), table, first, OURS)
 
 
 def cell_redrawer(records: Path | None) -> "Callable[[str, str, int], Redrawn]":
@@ -123,15 +123,15 @@ def cell_redrawer(records: Path | None) -> "Callable[[str, str, int], Redrawn]":
     from sysid.bench.cell import redraw as again
     from sysid.bench.suites import SUITES
 
-    known, every = all_families(records), all_methods()
+    families, every = all_families(records), all_methods()
 
-    def one(name: str, method: str, seed: int) -> "Redrawn":
+    def redraw_cell(name: str, method: str, seed: int) -> "Redrawn":
         family, _, rest = name.partition("/")
-        if family not in known or method not in every:
+        if family not in families or method not in every:
             raise InputError(f"{name} or {method} is not part of this installation; give --records or the file")
-        return again(known[family], rest, every[method], seed, SUITES["standard"].seconds)
+        return again(families[family], rest, every[method], seed, SUITES["standard"].seconds)
 
-    return one
+    return redraw_cell
 
 
 DEFAULT = Path("runs/bench.parquet")
@@ -155,12 +155,12 @@ def run(
     tag: Tag = None,
     scenario: Scenario = None,
     method: Method = None,
-    seeds: Annotated[int | None, options.whole("N", "seeds of each scenario, instead of the tag's")] = None,
-    first: Annotated[int | None, options.whole("N", "the first seed; that of this version if not given")] = None,
+    seeds: Annotated[int | None, options.whole_number("N", "seeds of each scenario, instead of the tag's")] = None,
+    first: Annotated[int | None, options.whole_number("N", "the first seed; that of this version if not given")] = None,
     budget: Annotated[float | None, options.number("S", "seconds that each fit may take")] = None,
     records: Records = None,
     workers: Annotated[
-        int | None, options.whole("N", "local processes; as many as there are cores if not given")
+        int | None, options.whole_number("N", "local processes; as many as there are cores if not given")
     ] = None,
     scheduler: options.Scheduler = None,
     out: Annotated[
@@ -176,22 +176,24 @@ def run(
     table = Results(out)
     with console.progress(max(len(cells), 1), lines=not as_json) as step:
         try:
-            count = run_cells(cells, table, workers, scheduler, lambda done, todo: step(f"{done} of {todo}"))
+            count = run_cells(
+                cells, table, workers, scheduler, lambda count_done, todo: step(f"{count_done} of {todo}")
+            )
         except KeyboardInterrupt:
             there = any(path.exists() for path in (out, out.with_suffix(".journal")))
-            kept = f"the rows so far are in {out}; the same command goes on from there"
-            raise console.Stopped(kept if there else "no row was finished, and nothing was written") from None
-    written(out)
+            sentence = f"the rows so far are in {out}; the same command goes on from there"
+            raise console.Interruption(sentence if there else "no row was finished, and nothing was written") from None
+    note_result(out)
     for note in table.notes:
         print(f"Note: {note}.", file=sys.stderr)
     rows = table.rows()
-    failed = rows.filter(rows["status"] != "ok")
-    why = failed.unique("status", maintain_order=True).head(3)
+    failures = rows.filter(rows["status"] != "ok")
+    reasons = failures.unique("status", maintain_order=True).head(3)
     _say(
-        {"table": str(out), "rows": len(rows), "new": count, "without result": len(failed)},
+        {"table": str(out), "rows": len(rows), "new": count, "without result": len(failures)},
         as_json,
-        f"{count} rows run, {len(rows)} in {out}, {len(failed)} of them without a result.",
-        *(f"{row['method']} on {row['scenario']}: {row['status']}" for row in why.to_dicts()),
+        f"{count} rows run, {len(rows)} in {out}, {len(failures)} of them without a result.",
+        *(f"{row['method']} on {row['scenario']}: {row['status']}" for row in reasons.to_dicts()),
         f"Next: qpal bench report {out}",
     )
 
@@ -201,7 +203,7 @@ def report(
     against: Annotated[
         Path | None, typer.Option("--against", metavar="BASE.parquet", help="an earlier table: say what changed")
     ] = None,
-    draw: Annotated[int, options.whole("N", "worst cells of our methods to solve again and draw")] = 0,
+    draw: Annotated[int, options.whole_number("N", "worst cells of our methods to solve again and draw")] = 0,
     records: Records = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -213,8 +215,8 @@ def report(
     from sysid.report import bench as page
 
     rows = read(table)
-    judged = set(rows["method"]) - set(PEERS)
-    verdict = None if against is None else compare(rows, read(against), judged)
+    judged_methods = set(rows["method"]) - set(PEERS)
+    verdict = None if against is None else compare(rows, read(against), judged_methods)
     redraw = cell_redrawer(records) if draw else None
     with run_folder(out, "bench") as (folder, scratch):
         summary = page.write(scratch, rows, OURS, verdict, redraw, draw)
@@ -230,12 +232,12 @@ def show(records: Records = None, as_json: options.Json = False) -> None:
 
     families, methods = all_families(records), all_methods()
     if as_json:
-        found = {
+        summary = {
             "scenarios": {f.name: list(f.scenarios()) for f in families.values()},
             "methods": {name: method.about for name, method in methods.items()},
             "tags": {name: suite.about for name, suite in SUITES.items()},
         }
-        _say(found, as_json)
+        _say(summary, as_json)
         return
     rows = [[f.name, f.about, ", ".join(f.scenarios())] for f in families.values()]
     console.show(Grid(["family", "what", "names"], rows, "Scenarios", 3))
@@ -248,7 +250,7 @@ def add(name: Annotated[str, typer.Argument(metavar="NAME", help="of your method
     from sysid.bench.method_file import add as write
 
     path = write(name, methods=all_methods())
-    written(path)
+    note_result(path)
     print(f"{path} is a method that runs as it is. Edit its fit, then:")
     print(f"Next: qpal bench run --method {path} --scenario 'textbook/*' --out runs/{name}.parquet")
 
@@ -262,28 +264,28 @@ def install(
 
     methods = all_methods()
     names = [add_file(text, methods) for text in name]
-    for each in names:
-        if each != PEERS and each not in methods:
-            raise unknown("method", each, methods)
-    wanted = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
-    failed = 0
-    for each in wanted:
-        method = methods[each]
+    for key in names:
+        if key != PEERS and key not in methods:
+            raise unknown("method", key, methods)
+    keys = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
+    n_failures = 0
+    for key in keys:
+        method = methods[key]
         if not isinstance(method, Outside):
-            print(f"{each} needs no environment: it is part of qpal.")
+            print(f"{key} needs no environment: it is part of qpal.")
             continue
         try:
-            print(f"{each}: {method.environment.install()}")
+            print(f"{key}: {method.environment.install()}")
         except InputError as error:
-            failed += 1
+            n_failures += 1
             print(error)
-    if failed:
+    if n_failures:
         raise typer.Exit(1)
 
 
 def export(
     scenario: Annotated[str, typer.Argument(metavar="FAMILY/NAME", help="see qpal bench list")],
-    seed: Annotated[int, options.whole("N", "which draw")] = 0,
+    seed: Annotated[int, options.whole_number("N", "which draw")] = 0,
     records: Records = None,
     out: Annotated[str, typer.Option("--out", metavar="DIR", help="a new folder")] = "runs/scenario",
 ) -> None:
@@ -305,8 +307,8 @@ def speed(as_json: options.Json = False) -> None:
     """Seconds and ratios of the default fit: kernel, single start, five starts, long records."""
     from sysid.bench.speed import speed as measured
 
-    found = {name: float(f"{value:.4g}") for name, value in measured().items()}
-    _say(found, as_json, *(f"{name}: {value}" for name, value in found.items()))
+    results = {name: float(f"{value:.4g}") for name, value in measured().items()}
+    _say(results, as_json, *(f"{name}: {value}" for name, value in results.items()))
 
 
 VERBS: dict[str, Callable[..., None]] = {

@@ -16,7 +16,7 @@ Folder = Annotated[
 
 def app(
     session: Folder = None,
-    port: Annotated[int, options.whole("N", "port on this machine; 0 takes the first free port from 8090")] = 0,
+    port: Annotated[int, options.whole_number("N", "port on this machine; 0 takes the first free port from 8090")] = 0,
     no_browser: Annotated[
         bool, typer.Option("--no-browser", help="print the address only; open it yourself, token included")
     ] = False,
@@ -39,7 +39,9 @@ def app(
                 print(f"Note: {complaint}.")
             serve(desk, listening, not no_browser, _say)
         except KeyboardInterrupt:
-            raise console.Stopped(f"the session is kept; open it again with: qpal app --session {folder}") from None
+            raise console.Interruption(
+                f"the session is kept; open it again with: qpal app --session {folder}"
+            ) from None
         finally:
             desk.close()
 

@@ -33,7 +33,7 @@ def calibrate(
     realisation: Annotated[str, options.name("how the linear actuators are modelled", REALISATIONS)] = "tendon",
     params: options.Params = None,
     map: options.Map = None,
-    seed: Annotated[int, options.whole("N", "of the drawn starts")] = 0,
+    seed: Annotated[int, options.whole_number("N", "of the drawn starts")] = 0,
     seconds: options.Budget = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -70,10 +70,10 @@ def calibrate(
         summary = {"file": str(target), **result.as_dict()}
         write(scratch, report.page(result), summary)
         advice.write(result, scratch / target.name)
-    said = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
+    sentences = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
     step_on = advice.next_step(result, shlex.join(files))
-    said.append(
+    sentences.append(
         step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
     )
-    console.finish(folder, summary, as_json, report.tables(result), said)
+    console.finish(folder, summary, as_json, report.tables(result), sentences)
     return 0 if result.converged and not advice.useless(result) else 1

@@ -61,14 +61,14 @@ def compare(
     with run_folder(out, "compare") as (folder, scratch), console.progress(6, lines=not as_json) as step:
         step(f"reading {file}")
         log = twin.Log.load(file, map)
-        which = _joint(file, log, joint)
+        joint_name = _joint(file, log, joint)
         if against is None:
             from twin.compare.alignment import parts
             from twin.compare.comparison import compare as run
 
             result = run(
                 log,
-                which,
+                joint_name,
                 parameters,
                 parts(options.names(align)),
                 options.names(without),
@@ -78,13 +78,13 @@ def compare(
                 tell=step,
             )
         else:
-            result = _against(log, which, against, map, step)
+            result = _compare_with(log, joint_name, against, map, step)
         step("drawing")
-        given = "".join(f" {name} {value}" for name, value in (("--map", map), ("--params", params)) if value)
-        named = f"{file}{given}"  # the next command reads the log in the same way
-        write(scratch, report.page(result, named), {"file": file, **result.as_dict()})
+        options_text = "".join(f" {name} {value}" for name, value in (("--map", map), ("--params", params)) if value)
+        command = f"{file}{options_text}"  # the next command reads the log in the same way
+        write(scratch, report.page(result, command), {"file": file, **result.as_dict()})
     console.finish(
-        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, named)
+        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, command)
     )
 
 
@@ -93,8 +93,8 @@ def _check_options(against: str | None, align: str, *of_twin: str | None) -> Non
     if against is None:
         return
     names = ("--align", "--without", "--params", "--pot-side", "--realisation")
-    for name, given in zip(names, (align, *of_twin), strict=True):
-        if given:
+    for name, value in zip(names, (align, *of_twin), strict=True):
+        if value:
             raise InputError(f"{name} belongs to the twin and --against {against} is given; leave one of the two out")
 
 
@@ -113,7 +113,7 @@ def _joint(file: str, log: twin.Log, joint: str | None) -> str:
     return log.joint
 
 
-def _against(log: twin.Log, joint: str, against: str, map: str | None, step: console.Steps) -> "Comparison":
+def _compare_with(log: twin.Log, joint: str, against: str, map: str | None, step: console.Steps) -> "Comparison":
     from twin.compare.comparison import compare_log, compare_model
 
     name = Path(against).name

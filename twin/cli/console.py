@@ -14,7 +14,7 @@ from twin.cli.environment import say
 from twin.cli.results import is_written
 
 
-class Stopped(Exception):  # noqa: N818 - a person stopped it: no error
+class Interruption(Exception):  # noqa: N818 - a person stopped it: no error
     """The user stopped the run; the text says what was kept and how to continue."""
 
 
@@ -26,7 +26,7 @@ def goes_on(journal: str | None) -> Iterator[None]:
     except KeyboardInterrupt:
         if journal is None or not Path(journal).is_file() or is_written():
             raise
-        raise Stopped(f"run it again with --resume {journal} to continue from there") from None
+        raise Interruption(f"run it again with --resume {journal} to continue from there") from None
 
 
 class Steps:
@@ -36,7 +36,7 @@ class Steps:
     """
 
     def __init__(
-        self, update: Callable[[float, str], None] = lambda done, name: None, shares: Sequence[float] = ()
+        self, update: Callable[[float, str], None] = lambda share, name: None, shares: Sequence[float] = ()
     ) -> None:
         self._update, self._shares = update, shares
         self._begun, self._done, self._name = 0, 0.0, ""
@@ -47,9 +47,9 @@ class Steps:
         self._ticking = None
         self._tell(0.0, name)
 
-    def part(self, done: float, name: str) -> None:
+    def part(self, share: float, name: str) -> None:
         """Within the step that has begun."""
-        self._tell(done, name)
+        self._tell(share, name)
 
     def by_time(self, share: Callable[[], float]) -> None:
         """Until the next step, progress is at least `share()`, which is asked every second."""
@@ -60,11 +60,11 @@ class Steps:
         if self._ticking is not None:
             self._tell(self._ticking(), self._name)
 
-    def _tell(self, done: float, name: str) -> None:
+    def _tell(self, share: float, name: str) -> None:
         k = max(self._begun - 1, 0)
-        place = k + done
+        place = k + share
         if self._shares:
-            place = sum(self._shares[:k]) + self._shares[min(k, len(self._shares) - 1)] * done
+            place = sum(self._shares[:k]) + self._shares[min(k, len(self._shares) - 1)] * share
         self._done, self._name = max(self._done, place), name
         self._update(self._done, name)
 
@@ -81,16 +81,16 @@ class Rounds:
 
     def begin(self) -> None:
         """The search begins."""
-        begun = time.monotonic()
-        self._steps.by_time(lambda: min((time.monotonic() - begun) / self._seconds, _BUDGET))
+        start = time.monotonic()
+        self._steps.by_time(lambda: min((time.monotonic() - start) / self._seconds, _BUDGET))
         self._steps.part(0.0, f"round 1 of a search of up to {self._seconds:g} s")
 
-    def __call__(self, done: int, total: int, name: str) -> None:
-        if self._round == 0 or done <= self._last:
+    def __call__(self, count: int, total: int, name: str) -> None:
+        if self._round == 0 or count <= self._last:
             self._round += 1
-        self._last = done
-        share = min(self._round - 1 + done / total, self._rounds) / self._rounds
-        text = f"round {self._round}: {done} of {total}, {name.replace('_', ' ')}"
+        self._last = count
+        share = min(self._round - 1 + count / total, self._rounds) / self._rounds
+        text = f"round {self._round}: {count} of {total}, {name.replace('_', ' ')}"
         self._steps.part(0.0 if self._seconds else share, text)
 
 
@@ -118,9 +118,9 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, know
         if not lines:
             yield Steps()
             return
-        written = _Lines(total, known)
-        quiet = Steps(written.update, shares)
-        with _every(_SLOW, quiet.tick, written.write):
+        line_writer = _Lines(total, known)
+        quiet = Steps(line_writer.update, shares)
+        with _every(_SLOW, quiet.tick, line_writer.write):
             yield quiet
         return
     from rich.console import Console
@@ -133,15 +133,15 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, know
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task, begun = bar.add_task("", total=total), time.monotonic()
+        task, start = bar.add_task("", total=total), time.monotonic()
 
-        def update(done: float, name: str) -> None:
-            left = _left(time.monotonic() - begun, done / total) if known else ""
-            bar.update(task, completed=done, description=f"{name}{left}")
+        def update(share: float, name: str) -> None:
+            time_left = _time_left(time.monotonic() - start, share / total) if known else ""
+            bar.update(task, completed=share, description=f"{name}{time_left}")
 
-        told = Steps(update, shares)
-        with _every((1.0,), told.tick):
-            yield told
+        receiver = Steps(update, shares)
+        with _every((1.0,), receiver.tick):
+            yield receiver
 
 
 _TELLING = 0.05  # of the work: before that it does not tell how long the rest takes
@@ -156,22 +156,22 @@ class _Lines:
         self._total, self._begun, self._share, self._name = total, time.monotonic(), 0.0, ""
         self._known = known
 
-    def update(self, done: float, name: str) -> None:
+    def update(self, share: float, name: str) -> None:
         """Keep it for the next line."""
-        self._share, self._name = done / self._total, name
+        self._share, self._name = share / self._total, name
 
     def write(self) -> None:
         """The next line."""
-        gone = time.monotonic() - self._begun
-        left = _left(gone, self._share) if self._known else ""
-        say(f"qpal: {gone:.0f} s, {100 * self._share:.0f} %: {self._name}{left}")
+        duration = time.monotonic() - self._begun
+        time_left = _time_left(duration, self._share) if self._known else ""
+        say(f"qpal: {duration:.0f} s, {100 * self._share:.0f} %: {self._name}{time_left}")
 
 
-def _left(gone: float, share: float) -> str:
-    """The time left after `gone` [s], in words; nothing while too little is done to tell."""
+def _time_left(duration: float, share: float) -> str:
+    """The time left after `duration` [s], in words; nothing while too little is done to tell."""
     if share < _TELLING:
         return ""
-    seconds = gone * (1.0 - share) / share
+    seconds = duration * (1.0 - share) / share
     return f", about {seconds:.0f} s left" if seconds < 120.0 else f", about {seconds / 60.0:.0f} min left"
 
 

@@ -11,10 +11,10 @@ PICTURES, DRAWING = 450.0, 30.0  # as many seconds of one robot are simulated in
 
 
 def crawl(
-    steps: Annotated[int, options.whole("N", "number of steps; four are one gait cycle")] = 8,
+    steps: Annotated[int, options.whole_number("N", "number of steps; four are one gait cycle")] = 8,
     duration: Annotated[float, options.number("S", "seconds to stand with power, and again without")] = 30.0,
-    robots: Annotated[int, options.whole("N", "number of additional robots with other friction and mass")] = 12,
-    seed: Annotated[int, options.whole("N", "seed of the additional robots and of the potentiometer noise")] = 1,
+    robots: Annotated[int, options.whole_number("N", "number of additional robots with other friction and mass")] = 12,
+    seed: Annotated[int, options.whole_number("N", "seed of the additional robots and of the potentiometer noise")] = 1,
     params: options.Params = None,
     out: options.Out = None,
     as_json: options.Json = False,
@@ -31,18 +31,18 @@ def crawl(
     from twin.view.stills import NoRenderer
 
     shares = (*walking.shares(walking.cycles(steps), duration, robots), PICTURES, DRAWING)
-    told = console.progress(len(shares), shares, not as_json, known=True)
+    progress = console.progress(len(shares), shares, not as_json, known=True)
     gait, parameters = Gait(cycles=walking.cycles(steps)), options.parameters(params)
-    with run_folder(out, "crawl") as (folder, scratch), told as step:
+    with run_folder(out, "crawl") as (folder, scratch), progress as step:
         result = walking.run(gait, parameters, duration, robots, options.seed(seed), threads=0, steps=step)
         step("pictures of the robot")
-        seen: CrawlPictures | str
+        images: CrawlPictures | str
         try:
-            seen = crawl_pictures(result)
+            images = crawl_pictures(result)
         except NoRenderer as reason:
-            seen = str(reason)
+            images = str(reason)
         step("drawing the report")
-        write(scratch, report.page(result, seen), result.as_dict())
+        write(scratch, report.page(result, images), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
     if not result.holds:
         raise typer.Exit(1)

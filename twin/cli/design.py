@@ -37,7 +37,7 @@ def design(
     time_unit: options.TimeUnit = None,
     map: options.Map = None,
     range: options.Range = None,
-    seed: Annotated[int, options.whole("N", "seed of the drawn levels")] = 0,
+    seed: Annotated[int, options.whole_number("N", "seed of the drawn levels")] = 0,
     seconds: options.Budget = None,
     out: options.Out = None,
     as_json: options.Json = False,

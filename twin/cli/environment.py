@@ -75,20 +75,20 @@ def no_threads() -> str:
 
     OpenBLAS would say so in lines of its own and then interrupt the process, as if a person had.
     """
-    over = threading.Event()
-    started = []
+    stop = threading.Event()
+    threads = []
     try:
         for _ in range(THREADS):
-            started.append(threading.Thread(target=over.wait, daemon=True))
-            started[-1].start()
+            threads.append(threading.Thread(target=stop.wait, daemon=True))
+            threads[-1].start()
     except RuntimeError:
         return (
-            f"this process may start {len(started) - 1} threads and needs {THREADS}; end other programs of this user, "
+            f"this process may start {len(threads) - 1} threads and needs {THREADS}; end other programs of this user, "
             "or raise the limit of processes, see ulimit -u"
         )
     finally:
-        over.set()
-        for thread in started:
+        stop.set()
+        for thread in threads:
             if thread.ident is not None:
                 thread.join()
     return ""
@@ -99,7 +99,7 @@ LETTERS = {
     "≈": "~", "∞": "inf", "√": "sqrt", "→": "->", "←": "<-", "“": '"', "”": '"', "‘": "'", "’": "'", "…": "...",
 }  # fmt: skip
 BOX = {"HORIZONTAL": "-", "VERTICAL": "|"}
-PLAIN = "qpal-plain"  # the name of `_encoded` among Python's ways to treat what an encoding lacks
+PLAIN = "qpal-plain"  # the name of `_encode_plainly` among Python's ways to treat what an encoding lacks
 
 
 def prepare() -> None:
@@ -111,7 +111,7 @@ def prepare() -> None:
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
             _replace_closed(number, name)
-    codecs.register_error(PLAIN, _encoded)
+    codecs.register_error(PLAIN, _encode_plainly)
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError, OSError):  # it is none of Python's own, or cannot be changed
             stream.reconfigure(errors=PLAIN)  # type: ignore[union-attr]
@@ -136,9 +136,9 @@ def flush() -> None:
 def drop(name: str = "stdout") -> None:
     """A stream leads nowhere from here on: what still waits in it must not fail again while Python ends."""
     with suppress(OSError, ValueError, AttributeError):
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, getattr(sys, name).fileno())
-        os.close(nowhere)
+        sink = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(sink, getattr(sys, name).fileno())
+        os.close(sink)
 
 
 def plain(text: str) -> str:
@@ -161,7 +161,7 @@ def _letters(c: str) -> str:
     return simple or c.encode("ascii", "backslashreplace").decode()
 
 
-def _encoded(error: UnicodeError) -> tuple[str | bytes, int]:
+def _encode_plainly(error: UnicodeError) -> tuple[str | bytes, int]:
     """What stands for letters that a stream lacks; a byte of a file name that is no text stays that byte."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
@@ -175,9 +175,9 @@ def _replace_closed(number: int, name: str) -> None:
     try:
         os.fstat(number)
     except OSError:
-        nowhere = os.open(os.devnull, os.O_RDWR)
-        if nowhere != number:
-            os.dup2(nowhere, number)
-            os.close(nowhere)
+        sink = os.open(os.devnull, os.O_RDWR)
+        if sink != number:
+            os.dup2(sink, number)
+            os.close(sink)
     mode: Any = "r" if number == 0 else "w"
     setattr(sys, name, open(os.devnull, mode, encoding="utf-8", errors="replace"))  # noqa: SIM115

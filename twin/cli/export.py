@@ -54,9 +54,9 @@ def export(
 
     The files take and give raw units: they remove the offsets that were removed before the fit.
     """
-    wanted = {"mjcf": mjcf or into is not None, "c": c, "python": python, "matlab": matlab, "control": control}
-    asked = [way for way, given in wanted.items() if given]
-    if not asked:
+    flags = {"mjcf": mjcf or into is not None, "c": c, "python": python, "matlab": matlab, "control": control}
+    ways = [way for way, flag in flags.items() if flag]
+    if not ways:
         raise InputError("nothing to export to; add --mjcf, --c, --python, --matlab or --control")
     if at is not None and not control:
         raise InputError("--at is given without --control; add --control or leave it out")
@@ -66,10 +66,10 @@ def export(
 
     with run_folder(out, "export") as (folder, scratch), console.progress(3) as step:
         step(f"reading {model}")
-        source = read_model(model, input, output, ts, time, map, fitted=asked == ["mjcf"])
+        source = read_model(model, input, output, ts, time, map, fitted=ways == ["mjcf"])
         step("exporting")
-        inside = None if into is None else Path(into)
-        result = write_back(source, asked, name, torque_per_volt, link_inertia, inside, scratch, at)
+        target = None if into is None else Path(into)
+        result = write_back(source, ways, name, torque_per_volt, link_inertia, target, scratch, at)
         step("drawing")
         write(scratch, report.page(result), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))

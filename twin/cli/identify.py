@@ -72,8 +72,8 @@ def identify(
     zero: Annotated[
         str | None, options.name("zero of the signals: their mean, or the level before the first movement", ZERO)
     ] = None,
-    starts: Annotated[int | None, options.whole("N", f"number of starting points [{STARTS}]")] = None,
-    seed: Annotated[int, options.whole("N", "seed of the random starting points")] = 0,
+    starts: Annotated[int | None, options.whole_number("N", f"number of starting points [{STARTS}]")] = None,
+    seed: Annotated[int, options.whole_number("N", "seed of the random starting points")] = 0,
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
@@ -90,9 +90,9 @@ def identify(
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
     """
-    known = _held(fix or (), bound or (), start)
+    constraints = _constraints(fix or (), bound or (), start)
     steps = (search, starts, options.seed(seed))
-    setting = _setting(structure, settings, steps, known, resume, seconds, scheduler)
+    setting = _setting(structure, settings, steps, constraints, resume, seconds, scheduler)
     from sysid.data.preparation import Preparation
     from sysid.report import identify as report
     from sysid.report.page import write
@@ -147,18 +147,23 @@ def _detrend(detrend: str | None, zero: str | None) -> str | None:
     return detrend or zero
 
 
-def _held(fix: Sequence[str], bound: Sequence[str], start: str | None) -> "Held":
+def _constraints(fix: Sequence[str], bound: Sequence[str], start: str | None) -> "Held":
     from sysid.workflow.setting import Held, read_start
 
-    saved = None if start is None else read_start(start)
-    return Held(options.fixed(fix), options.bounds(bound), saved, None if start is None else Path(start))
+    start_fit = None if start is None else read_start(start)
+    return Held(
+        options.fixed_parameters(fix),
+        options.parameter_bounds(bound),
+        start_fit,
+        None if start is None else Path(start),
+    )
 
 
 def _setting(
     structure: str | None,
     settings: dict[str, Any],
     steps: tuple[str, int | None, int],
-    held: "Held",
+    constraints: "Held",
     resume: str | None,
     seconds: float | None,
     scheduler: str | None,
@@ -170,22 +175,22 @@ def _setting(
     limit = options.budget(seconds)
     count = STARTS if starts is None else starts
     if structure == AUTO:
-        recipes.none_given(settings, AUTO)
-        if held:
+        recipes.refuse_settings(settings, AUTO)
+        if constraints:
             raise InputError(
                 f"--fix, --bound and --from are of one structure, and --structure {AUTO} searches it; leave them out "
                 "or name a structure"
             )
         journal = None if resume is None else Path(resume)
         return Auto(search, count, seed, journal, scheduler, SECONDS if seconds is None else seconds)
-    given = f"--structure {structure or recipes.DEFAULT}; only --structure {AUTO}"
+    verb_text = f"--structure {structure or recipes.DEFAULT}; only --structure {AUTO}"
     if resume is not None:
-        raise InputError(f"--resume is given with {given} keeps a journal")
+        raise InputError(f"--resume is given with {verb_text} keeps a journal")
     if scheduler is not None:
-        raise InputError(f"--scheduler is given with {given} has jobs for it")
-    if held.start is None:
-        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, held, limit)
+        raise InputError(f"--scheduler is given with {verb_text} has jobs for it")
+    if constraints.start is None:
+        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, constraints, limit)
     if starts is not None:
         raise InputError("--starts and --from are given; a saved fit is the only start: leave one of the two out")
-    structure = structure or held.start.model.structure
-    return Setting(recipes.recipe(structure, settings, held.start), search, 1, seed, held, limit)
+    structure = structure or constraints.start.model.structure
+    return Setting(recipes.recipe(structure, settings, constraints.start), search, 1, seed, constraints, limit)

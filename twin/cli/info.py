@@ -12,7 +12,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.files import write_text
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
-from twin.cli.results import written
+from twin.cli.results import note_result
 
 if TYPE_CHECKING:
     from sysid.channels.guess import Given
@@ -55,10 +55,10 @@ def info(
     Without FILE, show the twin's parameters with their sources, and the true values that an identification should find.
     """
     if file is not None:
-        _none_given(f"with {file}", params=params, write_params=write_params, signatures=signatures or None)
-        _show_file(file, joint, _given(map, input, output, time, time_unit, ts), map, write_map, range, out, as_json)
+        _refuse_options(f"with {file}", params=params, write_params=write_params, signatures=signatures or None)
+        _show_file(file, joint, _reading(map, input, output, time, time_unit, ts), map, write_map, range, out, as_json)
         return
-    _none_given(
+    _refuse_options(
         "without a FILE",
         map=map,
         write_map=write_map,
@@ -89,24 +89,24 @@ def info(
             check_writable_file(target)
         step("linearising the joints")
         result = inform(joint, TS if ts is None else ts, parameters, params)
-        found = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()
+        effects = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()
         step("drawing")
-        summary = result.as_dict() | ({"signatures": [one.as_dict() for one in found]} if found else {})
-        write(scratch, report.page(result, [drawn.section(found)] if found else []), summary)
+        summary = result.as_dict() | ({"signatures": [effect.as_dict() for effect in effects]} if effects else {})
+        write(scratch, report.page(result, [drawn.section(effects)] if effects else []), summary)
         if target is not None:
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
             if not inside:
-                written(target)
-    said = report.sentences(result) + ([] if target is None else [f"Parameters: {target}"])
-    *tables, made_with = report.tables(result)
-    tables += [drawn.sizes(found)] if found else []
-    console.finish(folder, summary, as_json, [*tables, made_with], said)
+                note_result(target)
+    sentences = report.sentences(result) + ([] if target is None else [f"Parameters: {target}"])
+    *tables, versions_table = report.tables(result)
+    tables += [drawn.sizes(effects)] if effects else []
+    console.finish(folder, summary, as_json, [*tables, versions_table], sentences)
 
 
 def _show_file(
     file: str,
     joint: str | None,
-    given: "Given",
+    reading: "Given",
     map: str | None,
     write_map: str | None,
     range: str | None,
@@ -124,46 +124,46 @@ def _show_file(
         check_writable_file(check_map_path(write_map))
     with run_folder(out, "info") as (folder, scratch), console.progress(2) as step:
         step(f"reading {file}")
-        result = inspect_file(file, map, given, options.time_range(range), write_map)
+        result = inspect_file(file, map, reading, options.time_range(range), write_map)
         step("drawing")
-        more = _compare(result, joint)
+        hints = _compare(result, joint)
         summary = result.as_dict()
-        write(scratch, report.page(result, more), summary)
+        write(scratch, report.page(result, hints), summary)
         inside = write_map is not None and Path(write_map).parent.resolve() == folder.resolve()
         if write_map is not None:
             write_text(scratch / Path(write_map).name if inside else write_map, result.text)
             if not inside:
-                written(write_map)
-    said = [*report.sentences(result), *more, *([] if write_map is None else [f"Mapping: {write_map}"])]
+                note_result(write_map)
+    sentences = [*report.sentences(result), *hints, *([] if write_map is None else [f"Mapping: {write_map}"])]
     if not as_json:
         print(result.text)
-    console.finish(folder, summary, as_json, report.terminal_tables(result), said)
+    console.finish(folder, summary, as_json, report.terminal_tables(result), sentences)
     if result.signals is None:
         raise typer.Exit(1)
 
 
-def _given(
+def _reading(
     map: str | None, input: str | None, output: str | None, time: str | None, time_unit: str | None, ts: float | None
 ) -> "Given":
     from sysid.channels.guess import Given
     from sysid.workflow.record import check_given
 
-    given = Given(input, output, time, time_unit, ts)
-    check_given(given, map)
-    return given
+    reading = Given(input, output, time, time_unit, ts)
+    check_given(reading, map)
+    return reading
 
 
 def _compare(result: "Inspection", joint: str | None) -> list[str]:
     """The command that lays the twin beside a leg's log."""
-    named = joint or str(result.meta.get("joint", ""))
+    name = joint or str(result.meta.get("joint", ""))
     s = result.signals
-    if named not in twin.JOINTS or s is None or [x.unit for x in s.output] != ["rad"]:
+    if name not in twin.JOINTS or s is None or [x.unit for x in s.output] != ["rad"]:
         return []
-    words = ["qpal", "compare", str(result.path), "--joint", named]
+    words = ["qpal", "compare", str(result.path), "--joint", name]
     return [f"Or, beside the twin: {shlex.join([*words, *result.options])}"]
 
 
-def _none_given(where: str, **values: Any) -> None:
+def _refuse_options(place: str, **values: Any) -> None:
     for name, value in values.items():
         if value is not None:
-            raise InputError(f"--{name.replace('_', '-')} is given {where}; leave it out")
+            raise InputError(f"--{name.replace('_', '-')} is given {place}; leave it out")

@@ -32,27 +32,27 @@ Params = Annotated[
 
 def number(metavar: str, help: str) -> Any:
     """An option that takes a number."""
-    return typer.Option(parser=_number, metavar=metavar, help=help)
+    return typer.Option(parser=_parse_number, metavar=metavar, help=help)
 
 
-def whole(metavar: str, help: str) -> Any:
+def whole_number(metavar: str, help: str) -> Any:
     """An option that takes a whole number."""
-    return typer.Option(parser=_whole, metavar=metavar, help=help)
+    return typer.Option(parser=_parse_whole, metavar=metavar, help=help)
 
 
-def name(help: str, allowed: Iterable[str]) -> Any:
+def name(help: str, choices: Iterable[str]) -> Any:
     """An option that takes a name of a table; the owner of the table checks the name."""
-    return typer.Option(metavar="NAME", help=f"{help}: {', '.join(allowed)}")
+    return typer.Option(metavar="NAME", help=f"{help}: {', '.join(choices)}")
 
 
-def _number(text: str) -> float:
+def _parse_number(text: str) -> float:
     try:
         return float(text)
     except ValueError:
         raise typer.BadParameter(f"found {text!r}, give a number") from None
 
 
-def _whole(text: str) -> int:
+def _parse_whole(text: str) -> int:
     try:
         return int(text)
     except ValueError:
@@ -96,13 +96,13 @@ Scheduler = Annotated[
 def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
     """Orders by name from '2,3,1'; `names` holds the smallest value of each, in the order in which they are given."""
     parts = [part.strip() for part in text.split(",")]
-    allowed = f"give {len(names)} whole numbers {','.join(names)}, for example {example}"
+    advice = f"give {len(names)} whole numbers {','.join(names)}, for example {example}"
     if len(parts) != len(names):
-        raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {allowed}")
+        raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {advice}")
     try:
         values = dict(zip(names, map(int, parts), strict=True))
     except ValueError:
-        raise InputError(f"--orders is {text!r}, which are not all whole numbers; {allowed}") from None
+        raise InputError(f"--orders is {text!r}, which are not all whole numbers; {advice}") from None
     for name, value in values.items():
         if not names[name] <= value <= 100:
             raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {names[name]} to 100")
@@ -116,19 +116,19 @@ def names(text: str) -> tuple[str, ...]:
 
 def settings(text: str) -> dict[str, float | str]:
     """Values by name from 'amplitude=6,grid=odd', converted to numbers if possible."""
-    found: dict[str, float | str] = {}
+    values: dict[str, float | str] = {}
     for part in names(text):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not (name and equals and value):
             raise InputError(f"--set has {part!r}; give name=value, several separated by commas")
-        if name in found:
+        if name in values:
             raise InputError(f"--set names {name} twice; give it once")
         try:
             number = float(value)
-            found[name] = int(number) if number.is_integer() and value.lstrip("+-").isdigit() else number
+            values[name] = int(number) if number.is_integer() and value.lstrip("+-").isdigit() else number
         except ValueError:
-            found[name] = value
-    return found
+            values[name] = value
+    return values
 
 
 def budget(seconds: float | None) -> float:
@@ -166,42 +166,42 @@ def band(text: str | None) -> "tuple[float | None, float | None]":
     return low, high
 
 
-def fixed(texts: Iterable[str]) -> tuple[tuple[str, float | None], ...]:
+def fixed_parameters(texts: Iterable[str]) -> tuple[tuple[str, float | None], ...]:
     """Names and values from 'role.name=value'; None where no value is given, for that of the start."""
-    found: dict[str, float | None] = {}
+    values: dict[str, float | None] = {}
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
-        _once("--fix", name, found)
+        _check_new("--fix", name, values)
         try:
             number = float(value) if equals else None
         except ValueError:
             number = math.nan
         if not name or (number is not None and not math.isfinite(number)):
             raise InputError(f"--fix is {text!r}; give role.name=VALUE, such as linear.f1=-0.9, or role with --from")
-        found[name] = number
-    return tuple(found.items())
+        values[name] = number
+    return tuple(values.items())
 
 
-def bounds(texts: Iterable[str]) -> tuple[tuple[str, tuple[float, float]], ...]:
+def parameter_bounds(texts: Iterable[str]) -> tuple[tuple[str, tuple[float, float]], ...]:
     """Names and bounds from 'role.name=LOW:HIGH'; an end that is left out is infinite."""
-    found: dict[str, tuple[float, float]] = {}
+    values: dict[str, tuple[float, float]] = {}
     for text in texts:
         name, _, ends = (part.strip() for part in text.partition("="))
-        _once("--bound", name, found)
+        _check_new("--bound", name, values)
         form = "role.name=LOW:HIGH, such as linear.f1=-1:-0.5 or linear.b0=0:"
         low, high = _pair("--bound", ends, form, text)
         if not name:
             raise InputError(f"--bound is {text!r}; give {form}")
-        found[name] = (-math.inf if low is None else low, math.inf if high is None else high)
-    return tuple(found.items())
+        values[name] = (-math.inf if low is None else low, math.inf if high is None else high)
+    return tuple(values.items())
 
 
-def _once(option: str, name: str, found: Iterable[str]) -> None:
-    if name in found:
+def _check_new(option: str, name: str, names: Iterable[str]) -> None:
+    if name in names:
         raise InputError(f"{option} names {name} twice; give it once")
 
 
-def _pair(option: str, text: str, form: str, shown: str | None = None) -> tuple[float | None, float | None]:
+def _pair(option: str, text: str, form: str, full_text: str | None = None) -> tuple[float | None, float | None]:
     """Two numbers around a colon, of which one may be left out."""
     first, mark, last = text.partition(":")
     try:
@@ -209,7 +209,7 @@ def _pair(option: str, text: str, form: str, shown: str | None = None) -> tuple[
     except ValueError:
         mark = ""
     if not mark or (low is None and high is None) or any(math.isnan(end) for end in (low, high) if end is not None):
-        raise InputError(f"{option} is {(text if shown is None else shown)!r}; give {form}")
+        raise InputError(f"{option} is {(text if full_text is None else full_text)!r}; give {form}")
     return low, high
 
 
@@ -219,9 +219,9 @@ def parameters(file: str | None) -> "Parameters | None":
         return None
     from twin.parameter_file import check_together, read
 
-    found = read(file)
-    check_together(found, file)
-    return found
+    values = read(file)
+    check_together(values, file)
+    return values
 
 
 def second_log(path: str, map: str | None) -> "Log":
@@ -252,21 +252,21 @@ def _given(ctx: Any, name: str) -> bool:
 
 
 def _texts(value: Any) -> list[str]:
-    each: Iterable[Any] = value if isinstance(value, (list, tuple)) else (value,)
-    return [str(text) for text in each if text is not None]
+    items: Iterable[Any] = value if isinstance(value, (list, tuple)) else (value,)
+    return [str(text) for text in items if text is not None]
 
 
 def _check(parameter: Any, texts: list[str]) -> None:
     metavar, option = str(parameter.metavar or parameter.name), parameter.param_type_name == "option"
-    called, remedy = (parameter.opts[0], f"give {metavar}, or leave it out") if option else (metavar, "give its name")
+    label, remedy = (parameter.opts[0], f"give {metavar}, or leave it out") if option else (metavar, "give its name")
     for text in texts:
         if "\0" in text:
-            raise InputError(f"{called} has a character of code 0; give a text without it")
+            raise InputError(f"{label} has a character of code 0; give a text without it")
         if _PLACE.match(metavar) and not text.strip():
-            raise InputError(f"{called} is {text!r}, which names no file or folder; {remedy}")
+            raise InputError(f"{label} is {text!r}, which names no file or folder; {remedy}")
         if option and _PLACE.match(metavar) and _HOME.match(text) and not os.path.lexists(text):
             home = os.path.expanduser(text)
             raise InputError(
-                f"{called} is {text!r}, and the shell has not put your home folder in place of ~; give {home!r}, or "
+                f"{label} is {text!r}, and the shell has not put your home folder in place of ~; give {home!r}, or "
                 "./~ where a folder has this name"
             )

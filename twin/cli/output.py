@@ -13,7 +13,7 @@ from pathlib import Path
 from sysid.base.errors import InputError
 from twin.cli import results
 from twin.cli.environment import say
-from twin.cli.stopping import held
+from twin.cli.stopping import hold_requests
 
 RUNS = Path("runs")
 MANY = 5  # names in a sentence
@@ -31,8 +31,8 @@ def run_folder(out: str | None, verb: str) -> Iterator[tuple[Path, Path]]:
         with output_folder(Path(out)) as scratch:
             yield Path(out), scratch
         return
-    with _scratch(_first(verb), lambda: _claim(verb), True) as both:
-        yield both
+    with _scratch(_first(verb), lambda: _claim(verb), True) as folders:
+        yield folders
 
 
 def new_folder(verb: str) -> Path:
@@ -89,13 +89,13 @@ def _reserve(folder: Path) -> tuple[Path, Path]:
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(0, "it is a file")
     if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):
-        raise _denied(folder)
+        raise _access_error(folder)
     if folder.is_symlink() and not folder.exists():
         raise FileNotFoundError(0, f"it is a link to {os.readlink(folder)}, which does not exist")
-    if folder.exists() and (why := _nothing_beside(folder)):
+    if folder.exists() and (obstacle := _sibling_obstacle(folder)):
         raise InputError(
-            f"cannot write to {folder}: results are made beside it first, and {folder.parent.resolve()} {why}; give a "
-            f"new folder in it, for example {folder / 'results'}"
+            f"cannot write to {folder}: results are made beside it first, and {folder.parent.resolve()} {obstacle}; "
+            f"give a new folder in it, for example {folder / 'results'}"
         )
     return folder, results.reserve(folder, claimed=False)
 
@@ -103,37 +103,37 @@ def _reserve(folder: Path) -> tuple[Path, Path]:
 @contextmanager
 def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bool) -> Iterator[tuple[Path, Path]]:
     """The folder and the scratch folder that `reserve` gives; parents of `folder` are made first."""
-    made: list[Path] = []
+    new_parents: list[Path] = []
     scratch: Path | None = None
     try:
         try:
-            with held():
-                _make_parents(folder, made)
+            with hold_requests():
+                _make_parents(folder, new_parents)
                 folder, scratch = reserve()
         except OSError as error:
             raise _not_writable(folder, error) from None
         try:
             yield folder, scratch
         except OSError as error:
-            if said := _full(folder, error):
-                raise InputError(said) from None
+            if sentence := _full(folder, error):
+                raise InputError(sentence) from None
             raise
         try:
             foreign = results.move(scratch, folder, claimed)
         except OSError as error:
             raise _not_writable(folder, error) from None
         if foreign:
-            more = f" and {len(foreign) - MANY} more" if len(foreign) > MANY else ""
-            say(f"qpal: files of the same name were replaced in {folder}: {', '.join(foreign[:MANY])}{more}")
+            rest = f" and {len(foreign) - MANY} more" if len(foreign) > MANY else ""
+            say(f"qpal: files of the same name were replaced in {folder}: {', '.join(foreign[:MANY])}{rest}")
     except BaseException:
-        with held():
+        with hold_requests():
             if scratch is not None:
                 shutil.rmtree(scratch, ignore_errors=True)
-            _remove_empty(*([folder] if claimed and scratch is not None else []), *reversed(made))
+            _remove_empty(*([folder] if claimed and scratch is not None else []), *reversed(new_parents))
         raise
 
 
-def _nothing_beside(folder: Path) -> str:
+def _sibling_obstacle(folder: Path) -> str:
     """Why no scratch folder beside an existing folder could become its content; empty if it can."""
     if folder.parent == folder:
         return "is the root, which has nothing beside it"
@@ -154,12 +154,12 @@ def check_writable_file(path: Path) -> None:
         if not path.parent.is_dir():
             raise FileNotFoundError(0, f"there is no folder {path.parent}")
         if not os.access(path.parent, os.W_OK):
-            raise _denied(path.parent)
+            raise _access_error(path.parent)
     except OSError as error:
         raise _not_writable(path, error) from None
 
 
-def _denied(place: Path) -> OSError:
+def _access_error(place: Path) -> OSError:
     """Why nothing can be written in a place that the system says is closed to it."""
     with suppress(OSError, AttributeError):  # Windows
         if os.statvfs(place).f_flag & os.ST_RDONLY:
@@ -186,8 +186,8 @@ def _full(folder: Path, error: OSError) -> str:
     return ""
 
 
-def _make_parents(folder: Path, made: list[Path]) -> None:
-    """Make the parents of `folder` that are missing; `made` takes each of them."""
+def _make_parents(folder: Path, new_parents: list[Path]) -> None:
+    """Make the parents of `folder` that are missing; `new_parents` takes each of them."""
     missing = []
     parent = folder.parent
     while not parent.exists():
@@ -197,7 +197,7 @@ def _make_parents(folder: Path, made: list[Path]) -> None:
         parent = parent.parent
     for parent in reversed(missing):
         parent.mkdir(exist_ok=True)
-        made.append(parent)
+        new_parents.append(parent)
 
 
 def _remove_empty(*folders: Path) -> None:

@@ -20,21 +20,21 @@ ORDERS = "orders"
 
 def takes_recipes(verb: Callable[..., None]) -> Callable[..., None]:
     """The verb with **settings replaced by one option for each field of a recipe, after `structure`."""
-    own = inspect.signature(verb)
-    found: list[inspect.Parameter] = []
-    for parameter in own.parameters.values():
+    signature = inspect.signature(verb)
+    parameters: list[inspect.Parameter] = []
+    for parameter in signature.parameters.values():
         if parameter.kind is not inspect.Parameter.VAR_KEYWORD:
-            found.append(parameter)
+            parameters.append(parameter)
         if parameter.name == "structure":
-            found += [
+            parameters += [
                 inspect.Parameter(name, inspect.Parameter.POSITIONAL_OR_KEYWORD, default=None, annotation=annotation)
                 for name, annotation in _annotations().items()
             ]
-    verb.__signature__ = own.replace(parameters=found)  # type: ignore[attr-defined]
+    verb.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]
     return verb
 
 
-def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None) -> Recipe:
+def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None) -> Recipe:
     """The recipe `structure` with the given settings (None: not given), then those of a saved fit.
 
     Raises InputError for a setting that the recipe does not have.
@@ -43,13 +43,13 @@ def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None)
     if structure not in TABLE:
         raise unknown("structure", structure, (*TABLE, "auto"))
     kind = TABLE[structure]
-    settings = {name: value for name, value in given.items() if value is not None}
+    settings = {name: value for name, value in values.items() if value is not None}
     for name in settings:
         if name not in _names(kind):
-            others = [other for other, each in TABLE.items() if name in _names(each)]
+            alternatives = [candidate for candidate, recipe_type in TABLE.items() if name in _names(recipe_type)]
             raise InputError(
-                f"--{_dashed(name)} is given with --structure {structure}, which has no {name.replace('_', ' ')}; "
-                f"leave it out or give --structure {' or '.join(others)}"
+                f"--{_option_name(name)} is given with --structure {structure}, which has no {name.replace('_', ' ')}; "
+                f"leave it out or give --structure {' or '.join(alternatives)}"
             )
     text = settings.pop(ORDERS, None)
     if text is not None:
@@ -62,13 +62,13 @@ def recipe(structure: str, given: Mapping[str, Any], start: "Fit | None" = None)
     return kind(**settings)
 
 
-def none_given(given: Mapping[str, Any], structure: str) -> None:
+def refuse_settings(values: Mapping[str, Any], structure: str) -> None:
     """Raises InputError for a setting of one structure if `structure` starts a search."""
-    for name, value in given.items():
+    for name, value in values.items():
         if value is not None:
             raise InputError(
-                f"--{_dashed(name)} is given with --structure {structure}, which searches it; leave it out or name a "
-                "structure"
+                f"--{_option_name(name)} is given with --structure {structure}, which searches it; leave it out or "
+                "name a structure"
             )
 
 
@@ -86,12 +86,12 @@ def _names(kind: type[Recipe]) -> list[str]:
 def _annotations() -> dict[str, Any]:
     """Every setting of every recipe; the settings of the default recipe come first."""
     kinds = [TABLE[DEFAULT], *(kind for name, kind in TABLE.items() if name != DEFAULT)]
-    found: dict[str, list[Option]] = {}
+    by_name: dict[str, list[Option]] = {}
     for kind in kinds:
         for name in _names(kind):
             if name != ORDERS:
-                found.setdefault(name, []).append(kind.options()[name])
-    return {ORDERS: _orders(kinds), **{name: _annotation(of) for name, of in found.items()}}
+                by_name.setdefault(name, []).append(kind.options()[name])
+    return {ORDERS: _orders(kinds), **{name: _annotation(descriptions) for name, descriptions in by_name.items()}}
 
 
 def _orders(kinds: Iterable[type[Recipe]]) -> Any:
@@ -100,27 +100,29 @@ def _orders(kinds: Iterable[type[Recipe]]) -> Any:
     for kind in kinds:
         if kind.of_kind("order"):
             first.setdefault(kind.of_kind("order"), kind)
-    (names, own), *others = first.items()
-    words = [", ".join(own.options()[name].help for name in names)]
-    words += [f"of {kind.name} {','.join(theirs)}" for theirs, kind in others]
+    (names, main_kind), *rest = first.items()
+    words = [", ".join(main_kind.options()[name].help for name in names)]
+    words += [f"of {kind.name} {','.join(order_names)}" for order_names, kind in rest]
     help = f"{'; '.join(words)} [{'; '.join(map(_example, first.values()))}]"
     return Annotated[str | None, typer.Option(metavar=",".join(names).upper(), help=help)]
 
 
-def _annotation(found: list[Option]) -> Any:
+def _annotation(descriptions: list[Option]) -> Any:
     """One option, from the descriptions of all recipes that have it."""
-    help = ", or ".join(dict.fromkeys(option.help for option in found))
-    if found[0].kind == "number":
-        return Annotated[float | None, options.number(found[0].unit, help)]
-    allowed = dict.fromkeys(name for option in found for name in option.allowed)  # each recipe refuses the others'
-    return Annotated[str | None, options.name(help, tuple(allowed))]
+    help = ", or ".join(dict.fromkeys(option.help for option in descriptions))
+    if descriptions[0].kind == "number":
+        return Annotated[float | None, options.number(descriptions[0].unit, help)]
+    choices = dict.fromkeys(
+        name for option in descriptions for name in option.allowed
+    )  # each recipe refuses the others'
+    return Annotated[str | None, options.name(help, tuple(choices))]
 
 
 def _example(kind: type[Recipe]) -> str:
     return ",".join(str(value) for value in kind().orders.values())
 
 
-def _dashed(name: str) -> str:
+def _option_name(name: str) -> str:
     return name.replace("_", "-")
 
 

@@ -9,7 +9,7 @@ from twin.cli.output import run_folder
 
 
 def reproduce(
-    seed: Annotated[int, options.whole("N", "of the twin's noise")] = 0,
+    seed: Annotated[int, options.whole_number("N", "of the twin's noise")] = 0,
     duration: Annotated[float, options.number("S", "length of each record in seconds")] = 250.0,
     ablation: Annotated[
         bool,
@@ -28,8 +28,8 @@ def reproduce(
     from twin.studies import protocol
     from twin.view.stills import NoRenderer, leg_stills
 
-    told = console.progress(protocol.steps(ablation) + 2, lines=not as_json, known=True)
-    with run_folder(out, "reproduce") as (folder, scratch), told as step:
+    progress = console.progress(protocol.steps(ablation) + 2, lines=not as_json, known=True)
+    with run_folder(out, "reproduce") as (folder, scratch), progress as step:
         result = protocol.run(options.seed(seed), duration, step, ablation)
         step("3-D stills of the leg")
         stills: Stills

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sysid.base import locks
 from sysid.base.errors import InputError
-from twin.cli.stopping import held
+from twin.cli.stopping import hold_requests
 
 PART, CLAIMED, READY, OLD = ".part", locks.CLAIMED, locks.READY, ".old.part"
 _written: list[str] = []
@@ -25,7 +25,7 @@ def begin() -> None:
     _written.clear()
 
 
-def written(path: Path | str) -> None:
+def note_result(path: Path | str) -> None:
     """A result stands at `path`."""
     _written.append(str(path))
 
@@ -35,7 +35,7 @@ def is_written() -> bool:
     return bool(_written)
 
 
-def kept() -> str:
+def outcome() -> str:
     """What a run that ends early has left, in words."""
     return f"its results are whole, in {' and '.join(_written)}" if _written else "nothing was written"
 
@@ -51,13 +51,13 @@ def reserve(folder: Path, claimed: bool) -> Path:
     FileExistsError if the folder to claim is there, and OSError if nothing can be made in that place.
     """
     scratch = locks.temporary_name(folder, CLAIMED if claimed else PART)
-    with _alone(folder.parent):
+    with _exclusive(folder.parent):
         tidy(folder.parent)
         for name in os.listdir(folder.parent):
-            found = locks.MARKED_NAME.search(name)
-            if found and name[: found.start()] == f".{folder.name}-" and name.endswith((PART, READY)):
+            match = locks.MARKED_NAME.search(name)
+            if match and name[: match.start()] == f".{folder.name}-" and name.endswith((PART, READY)):
                 raise Busy(
-                    f"another run (process {found['process']}) is writing to {folder}; wait for its end, or give "
+                    f"another run (process {match['process']}) is writing to {folder}; wait for its end, or give "
                     "another --out"
                 )
         scratch.mkdir()
@@ -73,10 +73,10 @@ def reserve(folder: Path, claimed: bool) -> Path:
 def tidy(place: Path) -> None:
     """Finish what killed runs were moving within `place`, and remove what else they left."""
     for name in os.listdir(place):
-        found = locks.MARKED_NAME.search(name)
-        if found is None or locks.is_in_use(name) is not False:
+        match = locks.MARKED_NAME.search(name)
+        if match is None or locks.is_in_use(name) is not False:
             continue
-        folder = place / name[1 : found.start() - 1]
+        folder = place / name[1 : match.start() - 1]
         if name.endswith(READY) and folder.is_dir():
             with suppress(OSError):
                 _place_all(place / name, folder, None)
@@ -94,8 +94,8 @@ def move(scratch: Path, folder: Path, claimed: bool) -> list[str]:
     Of an existing folder, files of the same name are replaced and the others stay. Returns the names of those that were
     replaced and that no former run of this program had made, as far as its summary tells. Raises OSError.
     """
-    with held():
-        foreign = [] if _is_result(folder) else _in_both(scratch, folder)
+    with hold_requests():
+        foreign = [] if _is_result(folder) else _common_files(scratch, folder)
         if claimed:
             with suppress(OSError):  # Windows renames onto no folder, not even an empty one
                 os.rename(scratch, folder)
@@ -114,7 +114,7 @@ def move(scratch: Path, folder: Path, claimed: bool) -> list[str]:
             finally:
                 shutil.rmtree(old, ignore_errors=True)
             shutil.rmtree(ready, ignore_errors=True)
-        written(folder)
+        note_result(folder)
     return foreign
 
 
@@ -124,11 +124,11 @@ def _is_result(folder: Path) -> bool:
         summary = json.loads((folder / "summary.json").read_bytes())
     except (OSError, ValueError, RecursionError):
         return False
-    found = summary.get("versions") if isinstance(summary, dict) else None
-    return isinstance(found, dict) and "qpal" in found
+    versions = summary.get("versions") if isinstance(summary, dict) else None
+    return isinstance(versions, dict) and "qpal" in versions
 
 
-def _in_both(scratch: Path, folder: Path) -> list[str]:
+def _common_files(scratch: Path, folder: Path) -> list[str]:
     """Files of `scratch` whose names `folder` has too."""
     files = (path.relative_to(scratch) for path in sorted(scratch.rglob("*")) if path.is_file())
     return [str(name) for name in files if (folder / name).is_file()]
@@ -149,26 +149,26 @@ def _place_all(source: Path, folder: Path, old: Path | None) -> None:
 
     Without `old` a failure leaves what has been placed.
     """
-    made: list[Path] = []
-    moved: list[tuple[Path, Path, Path | None]] = []
+    new_folders: list[Path] = []
+    placements: list[tuple[Path, Path, Path | None]] = []
     try:
         for file in sorted(path for path in source.rglob("*") if path.is_file()):
             target = folder / file.relative_to(source)
             for parent in reversed([p for p in target.parents if not p.exists()]):
                 parent.mkdir()
-                made.append(parent)
+                new_folders.append(parent)
             former = None
             if old is not None and target.exists():
-                former = old / str(len(moved))
+                former = old / str(len(placements))
                 _second(target, former)
             os.replace(file, target)
-            moved.append((file, target, former))
+            placements.append((file, target, former))
     except BaseException:
-        for file, target, former in reversed(moved if old is not None else []):
+        for file, target, former in reversed(placements if old is not None else []):
             os.replace(target, file)
             if former is not None:
                 os.replace(former, target)
-        for parent in reversed(made):
+        for parent in reversed(new_folders):
             with suppress(OSError):
                 parent.rmdir()
         raise
@@ -198,7 +198,7 @@ def _lock(handle: int) -> None:
 
 
 @contextmanager
-def _alone(place: Path) -> Iterator[None]:
+def _exclusive(place: Path) -> Iterator[None]:
     """No other process is within this at the same time, for the same folder, on a system that can lock a folder."""
     handle = os.open(place, os.O_RDONLY) if os.name == "posix" else None
     try:

@@ -20,7 +20,7 @@ def run(
     model: ModelFile,
     file: options.RecordFile,
     horizon: Annotated[
-        int | None, options.whole("K", "predict K samples ahead from measured outputs too, beside the free run")
+        int | None, options.whole_number("K", "predict K samples ahead from measured outputs too, beside the free run")
     ] = None,
     input: options.Input = None,
     output: options.Output = None,

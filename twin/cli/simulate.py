@@ -10,7 +10,7 @@ from sysid import excitations, formats
 from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, run_folder
-from twin.cli.results import written
+from twin.cli.results import note_result
 from twin.hardware.actuator import MODES
 from twin.hardware.potentiometer import SIDES
 from twin.parameters import LEG, REALISATIONS
@@ -28,7 +28,7 @@ def simulate(
     excitation: Annotated[str, options.name("input signal", excitations.TABLE)] = "sweep",
     duration: Annotated[float, options.number("S", "length of the record in seconds")] = 250.0,
     ts: Annotated[float, options.number("S", "sampling time in seconds")] = 0.1,
-    seed: Annotated[int, options.whole("N", "of excitation and noise")] = 1,
+    seed: Annotated[int, options.whole_number("N", "of excitation and noise")] = 1,
     mode: Annotated[str, options.name("what the input is", MODES)] = "voltage",
     settings: Annotated[
         str, typer.Option("--set", metavar="A=1,B=2", help="settings of the excitation, for example amplitude=6")
@@ -65,12 +65,14 @@ def simulate(
     from twin.studies.simulation import follow
     from twin.studies.simulation import simulate as run
 
-    changed = options.parameters(params)
+    parameters = options.parameters(params)
     if input_log is not None:
         driver = twin.Log.load(input_log, map)
-        given = _given(context)
-        follower = _follower(input_log, driver, given, joint, mode, options.names(without), pot_side, realisation)
-        joint, what = follower.joint, f"the input of {input_log}"
+        options_given = _options_given(context)
+        follower = _follower(
+            input_log, driver, options_given, joint, mode, options.names(without), pot_side, realisation
+        )
+        joint, description = follower.joint, f"the input of {input_log}"
     else:
         if map is not None:
             raise InputError("--map is given without --input-log; give the log that it reads, or leave --map out")
@@ -81,7 +83,7 @@ def simulate(
             ts,
             options.seed(seed),
             options.names(without),
-            changed,
+            parameters,
             options.settings(settings),
             mode,
             pot_side,
@@ -91,41 +93,41 @@ def simulate(
             from twin.design import fit_stroke
 
             experiment = fit_stroke(experiment, stroke)
-        what = f"{duration:g} s of {excitation}"
+        description = f"{duration:g} s of {excitation}"
     with run_folder(out, "simulate") as (folder, scratch), console.progress(2, lines=not as_json) as step:
         target = Path(log) if log is not None else folder / "log.csv"
         inside = target.parent.resolve() == folder.resolve()
         formats.check_written(target)
         if not inside:
             check_writable_file(target)
-        step(f"{joint}: {what}")
-        result = run(experiment) if input_log is None else follow(follower, changed, options.seed(seed))
+        step(f"{joint}: {description}")
+        result = run(experiment) if input_log is None else follow(follower, parameters, options.seed(seed))
         summary = {"file": str(target), **result.as_dict()}
         step("drawing")
         write(scratch, report.page(result), summary)
         result.log.save(scratch / target.name if inside else target)
         if not inside:
-            written(target)
+            note_result(target)
     console.finish(folder, summary, as_json, report.tables(result), [f"Log: {target}"])
 
 
-def _given(context: typer.Context) -> set[str]:
+def _options_given(context: typer.Context) -> set[str]:
     """Names of the options that a person gave; raises InputError for one that an input log fixes."""
     sources = {name: context.get_parameter_source(name) for name in context.params}
-    given = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
+    names = {name for name, source in sources.items() if source is not None and source.name == "COMMANDLINE"}
     for parameter in context.command.params:
-        if parameter.name in FIXED and parameter.name in given:
+        if parameter.name in FIXED and parameter.name in names:
             raise InputError(
                 f"{parameter.opts[0]} is given with --input-log, whose input and sampling time drive the twin; leave "
                 "one of the two out"
             )
-    return given
+    return names
 
 
 def _follower(
     path: str,
     log: twin.Log,
-    given: set[str],
+    options_given: set[str],
     joint: str,
     mode: str,
     without: tuple[str, ...],
@@ -133,9 +135,9 @@ def _follower(
     realisation: str,
 ) -> "twin.Follower":
     """The twin under the input of a log; raises InputError where options and log do not agree."""
-    if "mode" in given and mode != log.mode:
+    if "mode" in options_given and mode != log.mode:
         raise InputError(f"--mode is {mode} and {path} is a log in {log.mode} mode; leave --mode out")
-    which = log.joint if "joint" not in given and log.joint in twin.JOINTS else joint
-    if which not in twin.JOINTS:
-        raise InputError(f"--joint is {which} and a log drives one joint; choose one of {', '.join(twin.JOINTS)}")
-    return twin.Follower(log, which, without, pot_side, realisation)
+    joint_name = log.joint if "joint" not in options_given and log.joint in twin.JOINTS else joint
+    if joint_name not in twin.JOINTS:
+        raise InputError(f"--joint is {joint_name} and a log drives one joint; choose one of {', '.join(twin.JOINTS)}")
+    return twin.Follower(log, joint_name, without, pot_side, realisation)

@@ -23,7 +23,7 @@ _held, _late = 0, False
 
 
 @contextmanager
-def held() -> Iterator[None]:
+def hold_requests() -> Iterator[None]:
     """What happens within it happens whole: a request to stop waits for its end."""
     global _held, _late
     _held += 1
@@ -38,7 +38,7 @@ def held() -> Iterator[None]:
 
 
 @contextmanager
-def at_once(sentence: str) -> Iterator[None]:
+def exit_on_signal(sentence: str) -> Iterator[None]:
     """The signals of `NUMBERS` end the process with `sentence` and code 130, for as long as it has done nothing.
 
     Nothing is raised: an import that is interrupted may drop the interrupt, or report an error of its own.
@@ -98,18 +98,18 @@ class Stopping:
         self._former = _set(self._stop)
         if self._former and hasattr(signal, "SIGALRM"):
             self._former[signal.SIGALRM] = signal.signal(signal.SIGALRM, self._stop)
-            self._unraised, sys.unraisablehook = sys.unraisablehook, self._unsaid
+            self._unraised, sys.unraisablehook = sys.unraisablehook, self._print_unraisable
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self.over()
+        self.finish()
         sys.unraisablehook = self._unraised
         for number, handler in self._former.items():
             signal.signal(number, signal.SIG_IGN if self._program and number in NUMBERS else handler)
 
-    def over(self) -> None:
+    def finish(self) -> None:
         """Nothing is raised from here on; to be called where the interrupt is handled."""
         global _late
         self._over, _late = True, False
@@ -128,14 +128,14 @@ class Stopping:
         elif not caused_by(sys.exception(), KeyboardInterrupt):
             raise KeyboardInterrupt
 
-    def _unsaid(self, lost: "sys.UnraisableHookArgs") -> None:
+    def _print_unraisable(self, arguments: "sys.UnraisableHookArgs") -> None:
         """Prints what Python cannot raise, but for a request that is lost in a callback: it is repeated."""
-        if not issubclass(lost.exc_type, KeyboardInterrupt):
-            self._unraised(lost)
+        if not issubclass(arguments.exc_type, KeyboardInterrupt):
+            self._unraised(arguments)
 
     def _repeat(self, seconds: float) -> None:
-        timed = hasattr(signal, "SIGALRM") and signal.SIGALRM in self._former
-        if timed and os.getpid() == self._process:  # a forked child ends with its parent
+        has_timer = hasattr(signal, "SIGALRM") and signal.SIGALRM in self._former
+        if has_timer and os.getpid() == self._process:  # a forked child ends with its parent
             signal.signal(signal.SIGALRM, self._stop)  # a time limit of a part of the run may have taken it
             signal.setitimer(signal.ITIMER_REAL, seconds)
 

@@ -12,7 +12,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import atomic_file
 from twin.cli import console, options
 from twin.cli.output import check_writable_file, output_folder
-from twin.cli.results import written
+from twin.cli.results import note_result
 
 if TYPE_CHECKING:
     from twin.view.replay import Movement, Replay
@@ -47,9 +47,9 @@ def view(
     start: Start = None,
     stop: Stop = None,
     web: Annotated[bool, typer.Option("--web", help="show the scene in a browser instead of a window")] = False,
-    port: Annotated[int, options.whole("N", "port of --web; 0 takes the first free port from 8080")] = 0,
+    port: Annotated[int, options.whole_number("N", "port of --web; 0 takes the first free port from 8080")] = 0,
     strip: Strip = None,
-    count: Annotated[int, options.whole("N", "frames in the strip")] = 6,
+    count: Annotated[int, options.whole_number("N", "frames in the strip")] = 6,
     frames: Frames = None,
     gif: Gif = None,
     mcap: Mcap = None,
@@ -59,9 +59,9 @@ def view(
     It is shown in a window, in a browser (--web), or as pictures (--strip, --frames, --gif).
     """
     ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif, "--mcap": mcap}
-    asked = [way for way, given in ways.items() if given]
-    if len(asked) > 1:
-        raise InputError(f"{' and '.join(asked)} are given; give one of them at a time")
+    ways_chosen = [way for way, value in ways.items() if value]
+    if len(ways_chosen) > 1:
+        raise InputError(f"{' and '.join(ways_chosen)} are given; give one of them at a time")
     if not 0.001 <= speed <= 1000:
         raise InputError(f"--speed is {speed:g}; give a number from 0.001 to 1000")
     if port and not web:
@@ -86,9 +86,9 @@ def view(
 
     try:
         if strip:
-            _whole(strip, ".png", lambda path: _write_strip(replay, names, count, path, traces))
+            _write_picture(strip, ".png", lambda path: _write_strip(replay, names, count, path, traces))
         elif replay is None:
-            raise InputError(f"{asked[0]} needs a log and none is given; give a LOG, or use --strip")
+            raise InputError(f"{ways_chosen[0]} needs a log and none is given; give a LOG, or use --strip")
         else:
             _write_frames(replay, names, speed, frames, gif, traces)
     except NoRenderer as reason:
@@ -106,8 +106,8 @@ def _replay(
     """The replay and the names of its legs; None without a log."""
     if log is None:
         given_options = (("--joint", joint), ("--ghost", ghost), ("--map", map), ("--start", start), ("--stop", stop))
-        for option, given in given_options:
-            if given is not None:
+        for option, value in given_options:
+            if value is not None:
                 raise InputError(
                     f"{option} is given without a LOG; give the log to replay first: qpal view LOG {option} ..."
                 )
@@ -119,8 +119,8 @@ def _replay(
     shadow = None
     if ghost is not None:
         second = options.second_log(ghost, map)
-        alone = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
-        shadow = _movement(ghost, second, joint or alone)
+        single_joint = next(iter(leg.angles)) if len(leg.angles) == 1 and not second.joint else None
+        shadow = _movement(ghost, second, joint or single_joint)
     parameters = twin.Parameters(first.meta.get("parameters_changed", {}))
     replay = Replay(leg, shadow, parameters, 0.0 if start is None else start, stop)
     return replay, [Path(path).name for path in (log, ghost) if path is not None]
@@ -143,15 +143,17 @@ def _traces(
         raise InputError(f"{option} is given without a LOG; give the log first: qpal view LOG {option} ...")
     if ghost is not None:
         raise InputError(f"{option} and --ghost are given and there is one ghost; leave one of the two out")
-    from twin.compare.comparison import beside
+    from twin.compare.comparison import twin_response
     from twin.view.traces import Traces
 
-    given = twin.Log.load(log, map)
-    which = given.joint if given.joint in twin.JOINTS else joint
-    if which is None or (joint is not None and joint != which):
+    first_log = twin.Log.load(log, map)
+    joint_name = first_log.joint if first_log.joint in twin.JOINTS else joint
+    if joint_name is None or (joint is not None and joint != joint_name):
         raise InputError(f"{option} needs one joint that {log} has; give --joint ({', '.join(twin.JOINTS)})")
-    found = beside(given, which, options.parameters(params), str(given.meta.get("pot_side", "link")))
-    return log, which, Traces(which, found.t, found.u, found.y, found.twin)
+    response = twin_response(
+        first_log, joint_name, options.parameters(params), str(first_log.meta.get("pot_side", "link"))
+    )
+    return log, joint_name, Traces(joint_name, response.t, response.u, response.y, response.twin)
 
 
 def _with_twin(replay: "Replay", traces: "Traces", params: str | None) -> "Replay":
@@ -171,7 +173,7 @@ def _write_mcap(target: str, traces: "Traces") -> None:
     path = Path(target)
     check_writable_file(path)
     write_mcap(path, traces)
-    written(path)
+    note_result(path)
     print(f"Log and twin: {target}")
 
 
@@ -192,20 +194,20 @@ def _write_frames(
     with console.progress(1) as step:
         step(f"{len(times)} frames")
 
-        def tell(done: int) -> None:
-            step.part(done / len(times), f"{done} of {len(times)} frames")
+        def tell(count: int) -> None:
+            step.part(count / len(times), f"{count} of {len(times)} frames")
 
         size = (pictures.WIDTH, pictures.HEIGHT) if gif is None else pictures.GIF
         images = pictures.frames(replay, times, pictures.Names(*names), tell, traces, size)
         if gif is not None:
-            _whole(gif, ".gif", lambda path: pictures.save_gif(images, path))
+            _write_picture(gif, ".gif", lambda path: pictures.save_gif(images, path))
         elif frames is not None:
             with output_folder(Path(frames)) as scratch:
-                written = pictures.save_frames(images, scratch)
-            print(f"Frames: {written} in {frames}")
+                n_written = pictures.save_frames(images, scratch)
+            print(f"Frames: {n_written} in {frames}")
 
 
-def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
+def _write_picture(target: str, suffix: str, write: Callable[[Path], None]) -> None:
     """Write the file `target` under a temporary name first, so that no incomplete file appears."""
     path = Path(target)
     if path.suffix.lower() != suffix:
@@ -213,5 +215,5 @@ def _whole(target: str, suffix: str, write: Callable[[Path], None]) -> None:
     check_writable_file(path)
     with atomic_file(path) as temporary:
         write(temporary)
-    written(path)
+    note_result(path)
     print(f"Picture: {target}")

@@ -56,24 +56,26 @@ class Alignment:
     @property
     def read(self) -> dict[str, float]:
         """Nominal values of the knobs that are applied."""
-        own = {"delay": self.delay, "gear": self.gear, "offset": self.offset}
-        return {PARTS[part]: own[part].value for part in self.applied if part in own}
+        part_values = {"delay": self.delay, "gear": self.gear, "offset": self.offset}
+        return {PARTS[part]: part_values[part].value for part in self.applied if part in part_values}
 
     def sentences(self) -> list[str]:
         """What was found, in words."""
-        found = []
+        lines = []
         if self.turned:
-            done = "it was turned back" if "sign" in self.applied else "--align sign turns it back"
-            found.append(f"The {self.turned} of the log has the opposite sign: {done}.")
-        late = "later" if self.delay.value >= 0 else "earlier"
-        found.append(
-            f"Beside the twin the log comes {_ms(abs(self.delay.value))} {late} ({_span(self.delay, 1e3, 'ms')}); its "
-            f"angle is {self.gear.value:.4f} times the twin's ({_span(self.gear, 1.0, '')}) plus "
+            remark = "it was turned back" if "sign" in self.applied else "--align sign turns it back"
+            lines.append(f"The {self.turned} of the log has the opposite sign: {remark}.")
+        direction = "later" if self.delay.value >= 0 else "earlier"
+        lines.append(
+            f"Beside the twin the log comes {_ms(abs(self.delay.value))} {direction} ({_span(self.delay, 1e3, 'ms')}); "
+            f"its angle is {self.gear.value:.4f} times the twin's ({_span(self.gear, 1.0, '')}) plus "
             f"{np.degrees(self.offset.value):.2f} deg ({_span(self.offset, 180 / np.pi, 'deg')})."
         )
-        used = ", ".join(self.applied)
-        found.append(f"Applied: {used}." if used else "Nothing of this is applied; --align delay,offset would.")
-        return found
+        part_names = ", ".join(self.applied)
+        lines.append(
+            f"Applied: {part_names}." if part_names else "Nothing of this is applied; --align delay,offset would."
+        )
+        return lines
 
 
 def _ms(seconds: float) -> str:
@@ -88,39 +90,39 @@ def _span(value: Value, factor: float, unit: str) -> str:
 
 def parts(names: Iterable[str]) -> tuple[str, ...]:
     """The parts of an alignment to apply; raises InputError for one that does not exist."""
-    chosen = tuple(dict.fromkeys(names))
-    for name in chosen:
+    selection = tuple(dict.fromkeys(names))
+    for name in selection:
         if name not in PARTS:
             raise unknown("part of an alignment", name, PARTS)
-    return chosen
+    return selection
 
 
-def turned(log: Log, joint: str, parameters: Parameters, **follower: object) -> str:
+def opposite_signs(log: Log, joint: str, parameters: Parameters, **follower: object) -> str:
     """Which signals of the log have the opposite sign, of `SIGNS`; the twin is driven with every combination."""
     data, errors = log.io(joint if log.joint else None), {}
     u, y = data.u[:, 0], data.y[:, 0]
     for (on_u, on_y), name in SIGNS.items():
-        one = Follower(Log(on_u * u, on_y * y, log.Ts, None, joint, dict(log.meta)), joint, **follower)  # type: ignore[arg-type]
-        (row,) = one.readings([parameters])
-        errors[name] = float(np.nan_to_num(np.std(one.y - row), nan=np.inf))
+        trial = Follower(Log(on_u * u, on_y * y, log.Ts, None, joint, dict(log.meta)), joint, **follower)  # type: ignore[arg-type]
+        (row,) = trial.readings([parameters])
+        errors[name] = float(np.nan_to_num(np.std(trial.y - row), nan=np.inf))
     best = min(errors, key=lambda name: errors[name])
     if errors[best] > _TURNED * errors[""]:
         return ""
-    one_sided = sorted((errors[name], name) for name in ("input", "output"))
-    if best in ("input", "output") and one_sided[1][0] < _ALIKE * one_sided[0][0]:
+    single_signs = sorted((errors[name], name) for name in ("input", "output"))
+    if best in ("input", "output") and single_signs[1][0] < _ALIKE * single_signs[0][0]:
         return "input or output"
     return best
 
 
-def turn_back(log: Log, joint: str, which: str) -> Log:
-    """The log of `joint` alone, with the signs turned that `turned` found; of two possible ones the output's."""
+def turn_back(log: Log, joint: str, signs: str) -> Log:
+    """The log of `joint` alone, with the `signs` of `opposite_signs` turned back; of two possible ones the output's."""
     data = log.io(joint if log.joint else None)
-    on_u = -1.0 if which in ("input", "input and output") else 1.0
-    on_y = -1.0 if which in ("output", "input or output", "input and output") else 1.0
+    on_u = -1.0 if signs in ("input", "input and output") else 1.0
+    on_y = -1.0 if signs in ("output", "input or output", "input and output") else 1.0
     return Log(on_u * data.u[:, 0], on_y * data.y[:, 0], log.Ts, None, joint, dict(log.meta))
 
 
-def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tuple[str, ...] = ()) -> Alignment:
+def align(trials: Trials, verdict: Verdict | None, signs: str = "", applied_parts: tuple[str, ...] = ()) -> Alignment:
     """Delay, gear and offset between the log of `trials`, whose signs are turned back, and the twin.
 
     They are found by least squares in the twin, together with the start, with what `verdict` names, and with speed,
@@ -130,22 +132,22 @@ def align(trials: Trials, verdict: Verdict | None, which: str = "", applied: tup
     """
     joint, y = trials.follower.joint, trials.follower.y
     state = {} if verdict is None else dict(verdict.state)
-    beside = [name.replace("JOINT", joint) for name in _BESIDE]
-    plain = Search("alignment", _once(*READ, *state), state)
+    companions = [name.replace("JOINT", joint) for name in _BESIDE]
+    plain = Search("alignment", _unique_knobs(*READ, *state), state)
     refine(trials, plain, y)
-    knobs = _once(*plain.knobs, *beside)
-    expected = {name: EXPECTED * trials.knobs[name].typical for name in beside if name not in state}
-    begins = [Search("alignment", knobs, dict(at), expected=expected) for at in (plain.state, state)]
+    knobs = _unique_knobs(*plain.knobs, *companions)
+    deviations = {name: EXPECTED * trials.knobs[name].typical for name in companions if name not in state}
+    begins = [Search("alignment", knobs, dict(place), expected=deviations) for place in (plain.state, state)]
     for begin in begins:
         begin.noise = noise_of(y) ** 2
     search = best_of(trials, begins, y, _ROUNDS)
-    doubted = (name.replace("JOINT", joint) for name in _DOUBTED)
-    found = by_name(values(trials, search, y, {name: DOUBT * trials.parameters[name] for name in doubted}))
+    doubtful_knobs = (name.replace("JOINT", joint) for name in _DOUBTED)
+    by_knob = by_name(values(trials, search, y, {name: DOUBT * trials.parameters[name] for name in doubtful_knobs}))
     delay, gear, offset = (
-        replace(found[name], name=part) for name, part in ((DELAY, "delay"), (SLOPE, "gear"), (ZERO, "offset"))
+        replace(by_knob[name], name=part) for name, part in ((DELAY, "delay"), (SLOPE, "gear"), (ZERO, "offset"))
     )
-    return Alignment(which, delay, gear, offset, found[START], applied)
+    return Alignment(signs, delay, gear, offset, by_knob[START], applied_parts)
 
 
-def _once(*names: str) -> tuple[str, ...]:
+def _unique_knobs(*names: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(name for name in names if name != START))

@@ -13,7 +13,7 @@ from sysid.base.files import json_value, versions
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
-from twin.compare.alignment import Alignment, align, parts, turn_back, turned
+from twin.compare.alignment import Alignment, align, opposite_signs, parts, turn_back
 from twin.compare.departure import Regime, Repeat, Spectrum, by_regime, noise_of, regimes, repeat, spectrum
 from twin.compare.effects import START
 from twin.compare.joints import Pair, pairs
@@ -95,7 +95,7 @@ class Comparison:
                 "verdict": verdict,
                 "joint_values": [{**asdict(pair), "apart": pair.apart} for pair in self.pairs],
                 "repeat": None if self.repeat is None else asdict(self.repeat),
-                "frequency_response": [asdict(each) for each in self.spectra],
+                "frequency_response": [asdict(spectrum) for spectrum in self.spectra],
                 "residuals": None if self.tests is None else self.tests.as_dict(),
                 "versions": versions(),
             }
@@ -115,7 +115,7 @@ def compare(
     seed: int = 1,
     threads: int = 2,
     values: bool = True,
-    tell: Tell = lambda what: None,
+    tell: Tell = lambda text: None,
 ) -> Comparison:
     """The log beside the twin, driven with its input from its initial state.
 
@@ -125,7 +125,7 @@ def compare(
     that does not exist, and for a log that is too short or whose numbers
     cannot be of that joint.
     """
-    asked, p = parts(apply), parameters or Parameters()
+    requested_parts, p = parts(apply), parameters or Parameters()
     if joint not in JOINTS:
         raise unknown("joint", joint, JOINTS)
     options: dict[str, Any] = {
@@ -142,30 +142,32 @@ def compare(
         )
     check_plausible(log, joint, p)
     tell("signs")
-    which = turned(_first(log, seconds), joint, p, **options)
-    right = Trials(Follower(_first(turn_back(log, joint, which), seconds), joint, **options), p)
+    signs = opposite_signs(_first(log, seconds), joint, p, **options)
+    right = Trials(Follower(_first(turn_back(log, joint, signs), seconds), joint, **options), p)
     verdict: Verdict | None = explain(right, tell)
     tell("alignment")
-    alignment = align(right, verdict, which, asked)
-    log = turn_back(log, joint, which if "sign" in asked else "")
+    alignment = align(right, verdict, signs, requested_parts)
+    log = turn_back(log, joint, signs if "sign" in requested_parts else "")
     trials = Trials(Follower(_first(log, seconds), joint, **options), p, alignment.read)
-    if which and "sign" not in asked:  # beside a wrong sign no effect means anything
+    if signs and "sign" not in requested_parts:  # beside a wrong sign no effect means anything
         verdict = None
     elif alignment.read:
         verdict = explain(trials, tell)
-    whole = Follower(log, joint, **options)
+    follower = Follower(log, joint, **options)
     start = _best_start(trials)
-    other = Trials(whole, p, alignment.read).rows([{START: start}])[0]
-    found: tuple[Pair, ...] = ()
+    response = Trials(follower, p, alignment.read).rows([{START: start}])[0]
+    joint_pairs: tuple[Pair, ...] = ()
     if values:
         tell("the actuated joint on both")
-        own = Follower(_first(log, seconds), joint, **options).record(p, seed, start)
-        found = pairs(_first(log, seconds).io(), own.io(), seed)
-    return _finished(TWIN, "the twin", joint, log, other, 0, found, alignment=alignment, verdict=verdict)
+        twin_log = Follower(_first(log, seconds), joint, **options).record(p, seed, start)
+        joint_pairs = pairs(_first(log, seconds).io(), twin_log.io(), seed)
+    return _make_comparison(
+        TWIN, "the twin", joint, log, response, 0, joint_pairs, alignment=alignment, verdict=verdict
+    )
 
 
 @checked
-def compare_model(log: Log, joint: str, fit: Fit | NlarxFit, label: str, tell: Tell = lambda what: None) -> Comparison:
+def compare_model(log: Log, joint: str, fit: Fit | NlarxFit, label: str, tell: Tell = lambda text: None) -> Comparison:
     """The log beside a model, which `sysid.load` read: its free run over the log, in the log's units.
 
     Raises InputError if the model has another sampling time, or is a model of other signals.
@@ -178,21 +180,21 @@ def compare_model(log: Log, joint: str, fit: Fit | NlarxFit, label: str, tell: T
             "or identify a model from it: qpal identify"
         )
     tell("the model's free run")
-    other = np.asarray(fit.simulate(data), dtype=float).ravel()
-    alone = Log(data.u[:, 0], data.y[:, 0], log.Ts, None, joint, dict(log.meta))
-    return _finished(MODEL, label, joint, alone, other, fit.n_init, ())
+    response = np.asarray(fit.simulate(data), dtype=float).ravel()
+    single_log = Log(data.u[:, 0], data.y[:, 0], log.Ts, None, joint, dict(log.meta))
+    return _make_comparison(MODEL, label, joint, single_log, response, fit.n_init, ())
 
 
 @checked
-def compare_log(log: Log, second: Log, joint: str, label: str, tell: Tell = lambda what: None) -> Comparison:
+def compare_log(log: Log, second: Log, joint: str, label: str, tell: Tell = lambda text: None) -> Comparison:
     """Two logs of one experiment: how well it repeats. Raises InputError if their inputs differ."""
-    one, two = (each.io(joint if each.joint else None) for each in (log, second))
-    check_length(min(one.N, two.N))
+    first_data, second_data = (record.io(joint if record.joint else None) for record in (log, second))
+    check_length(min(first_data.N, second_data.N))
     tell("the second log")
-    found = repeat(one, two, label)
-    n = min(one.N, two.N)
-    alone = Log(one.u[:n, 0], one.y[:n, 0], log.Ts, None, joint, dict(log.meta))
-    return _finished(LOG, label, joint, alone, two.y[:n, 0], 0, (), repeat=found)
+    repetition = repeat(first_data, second_data, label)
+    n = min(first_data.N, second_data.N)
+    single_log = Log(first_data.u[:n, 0], first_data.y[:n, 0], log.Ts, None, joint, dict(log.meta))
+    return _make_comparison(LOG, label, joint, single_log, second_data.y[:n, 0], 0, (), repeat=repetition)
 
 
 def check_length(N: int) -> None:
@@ -216,38 +218,45 @@ def _best_start(trials: Trials) -> float:
     return base.state.get(START, trials.knobs[START].nominal)
 
 
-def _finished(
-    kind: str, label: str, joint: str, log: Log, other: np.ndarray, unscored: int, found: tuple[Pair, ...], **more: Any
+def _make_comparison(
+    kind: str,
+    label: str,
+    joint: str,
+    log: Log,
+    response: np.ndarray,
+    first_scored: int,
+    joint_pairs: tuple[Pair, ...],
+    **fields: Any,
 ) -> Comparison:
-    if not np.isfinite(other).all():
+    if not np.isfinite(response).all():
         raise InputError(f"{label} gives no finite angles under this input; try other parameters or another model")
     u, y = np.asarray(log.u, dtype=float).ravel(), np.asarray(log.y, dtype=float).ravel()
-    at = regimes(y, log.Ts)
-    scored = {name: mask[unscored:] for name, mask in at.items()}
-    error = (y - other)[unscored:]
-    tests = residual_tests(error, u[unscored:], _LAGS) if len(error) > 2 * _LAGS else None
-    both = spectrum(u, y, log.Ts), spectrum(u, other, log.Ts)
+    samples = regimes(y, log.Ts)
+    scored_samples = {name: mask[first_scored:] for name, mask in samples.items()}
+    error = (y - response)[first_scored:]
+    tests = residual_tests(error, u[first_scored:], _LAGS) if len(error) > 2 * _LAGS else None
+    spectra = spectrum(u, y, log.Ts), spectrum(u, response, log.Ts)
     return Comparison(
         kind,
         label,
         joint,
         u,
         y,
-        other,
+        response,
         log.Ts,
-        unscored,
+        first_scored,
         noise_of(y),
-        at,
-        by_regime(error, scored),
-        both,
+        samples,
+        by_regime(error, scored_samples),
+        spectra,
         tests,
-        found,
-        **more,
+        joint_pairs,
+        **fields,
     )
 
 
 @dataclass(frozen=True)
-class Beside:
+class TwinResponse:
     """Time t (N,) [s], input u (N,) [V], the log's angle y and the twin's (N,) [rad] of one joint."""
 
     joint: str
@@ -257,7 +266,7 @@ class Beside:
     twin: np.ndarray
 
 
-def beside(log: Log, joint: str, parameters: Parameters | None = None, pot_side: str = "link") -> Beside:
+def twin_response(log: Log, joint: str, parameters: Parameters | None = None, pot_side: str = "link") -> TwinResponse:
     """The twin under the input of the log; raises InputError for a joint that the log does not have, and for
     numbers that cannot be of it."""
     follower, p = Follower(log, joint, pot_side=pot_side), parameters or Parameters()
@@ -265,4 +274,4 @@ def beside(log: Log, joint: str, parameters: Parameters | None = None, pot_side:
     trials, search = Trials(follower, p), Search("", ())
     refine(trials, search, follower.y, rounds=2)
     (row,) = trials.rows([search.state])
-    return Beside(joint, log.t, follower.u, follower.y, row)
+    return TwinResponse(joint, log.t, follower.u, follower.y, row)

@@ -53,10 +53,10 @@ def noise_of(y: np.ndarray) -> float:
     second = np.abs(y[reach + 1 : len(y) - reach + 1] - 2.0 * middle + y[reach - 1 : len(y) - reach - 1])
     pace = np.abs(y[2 * reach :] - y[: len(y) - 2 * reach])
     slow = second[pace <= np.median(pace)]
-    kept = slow[slow <= np.quantile(slow, 1.0 - _LOST)]
+    core = slow[slow <= np.quantile(slow, 1.0 - _LOST)]
     z = float(norm.isf(_LOST / 2.0))
-    left = 1.0 - 2.0 * z * float(norm.pdf(z)) / (1.0 - _LOST)
-    return float(np.sqrt(np.mean(kept**2) / (6.0 * left)))
+    variance_share = 1.0 - 2.0 * z * float(norm.pdf(z)) / (1.0 - _LOST)
+    return float(np.sqrt(np.mean(core**2) / (6.0 * variance_share)))
 
 
 def speed_of(y: np.ndarray, Ts: float) -> tuple[np.ndarray, float]:
@@ -77,13 +77,13 @@ def regimes(y: np.ndarray, Ts: float) -> dict[str, np.ndarray]:
     speed, uncertain = speed_of(y, Ts)
     fastest = float(np.quantile(np.abs(speed), 0.98))
     moves = np.abs(speed) > max(STILL * fastest, 3.0 * uncertain)
-    at = {"reversal": _reversals(speed, moves, Ts), "end stop": ~moves & _at_ends(y)}
-    at |= {"rest": ~moves, "slow": moves & (np.abs(speed) < FAST * fastest), "fast": moves}
-    taken = np.zeros(len(y), dtype=bool)
+    samples = {"reversal": _reversals(speed, moves, Ts), "end stop": ~moves & _at_ends(y)}
+    samples |= {"rest": ~moves, "slow": moves & (np.abs(speed) < FAST * fastest), "fast": moves}
+    union = np.zeros(len(y), dtype=bool)
     for name in NAMES:
-        at[name] = at[name] & ~taken
-        taken |= at[name]
-    return {name: at[name] for name in NAMES}
+        samples[name] = samples[name] & ~union
+        union |= samples[name]
+    return {name: samples[name] for name in NAMES}
 
 
 def _at_ends(y: np.ndarray) -> np.ndarray:
@@ -96,14 +96,14 @@ def _at_ends(y: np.ndarray) -> np.ndarray:
 
 def _reversals(speed: np.ndarray, moves: np.ndarray, Ts: float) -> np.ndarray:
     """Samples around the first one that moves against the last motion."""
-    near, moving = np.zeros(len(speed), dtype=bool), np.flatnonzero(moves)
+    mask, moving = np.zeros(len(speed), dtype=bool), np.flatnonzero(moves)
     way = np.sign(speed[moving])
     for k in moving[1:][way[1:] != way[:-1]]:
-        near[max(k - round(BEFORE / Ts), 0) : k + round(AFTER / Ts) + 1] = True
-    return near
+        mask[max(k - round(BEFORE / Ts), 0) : k + round(AFTER / Ts) + 1] = True
+    return mask
 
 
-def by_regime(error: np.ndarray, at: Mapping[str, np.ndarray]) -> tuple[Regime, ...]:
+def by_regime(error: np.ndarray, samples: Mapping[str, np.ndarray]) -> tuple[Regime, ...]:
     """Shares and RMS of error (N,) in each regime; RMS 0 where a regime has no samples."""
     total = float(np.sum(error**2)) or 1.0
     return tuple(
@@ -113,7 +113,7 @@ def by_regime(error: np.ndarray, at: Mapping[str, np.ndarray]) -> tuple[Regime, 
             float(np.sqrt(np.mean(error[mask] ** 2))) if mask.any() else 0.0,
             float(np.sum(error[mask] ** 2)) / total,
         )
-        for name, mask in at.items()
+        for name, mask in samples.items()
     )
 
 
@@ -154,11 +154,16 @@ def spectrum(u: np.ndarray, y: np.ndarray, Ts: float) -> Spectrum:
     """
     u, y = np.asarray(u, dtype=float).ravel(), np.asarray(y, dtype=float).ravel()
     try:
-        found = bla.estimate(IOData(u, y, Ts))
+        approximation = bla.estimate(IOData(u, y, Ts))
     except InputError:
         return _welch(u, y, Ts)
-    radius = np.sqrt(-np.log(1.0 - LEVEL) * found.total_variance)
-    return Spectrum(found.frequency, found.G, radius, f"best linear approximation over {found.periods} periods")
+    radius = np.sqrt(-np.log(1.0 - LEVEL) * approximation.total_variance)
+    return Spectrum(
+        approximation.frequency,
+        approximation.G,
+        radius,
+        f"best linear approximation over {approximation.periods} periods",
+    )
 
 
 def _welch(u: np.ndarray, y: np.ndarray, Ts: float) -> Spectrum:
@@ -201,26 +206,26 @@ class Repeat:
         return not self.drift[1] <= 0.0 <= self.drift[2]
 
 
-def repeat(one: IOData, two: IOData, label: str) -> Repeat:
+def repeat(first: IOData, second: IOData, label: str) -> Repeat:
     """The difference of two logs over the samples that both have; raises InputError if their inputs differ."""
-    if abs(one.Ts - two.Ts) > 1e-9 * one.Ts:
-        raise InputError(f"the logs have sampling times of {one.Ts:g} and {two.Ts:g} s; resample one of them")
-    n = min(one.N, two.N)
-    u, other = one.u[:n, 0], two.u[:n, 0]
-    off = np.abs(u - other)
-    if off.max() > _SAME * max(float(np.ptp(u)), 1e-12):
-        k = int(off.argmax())
+    if abs(first.Ts - second.Ts) > 1e-9 * first.Ts:
+        raise InputError(f"the logs have sampling times of {first.Ts:g} and {second.Ts:g} s; resample one of them")
+    n = min(first.N, second.N)
+    u, u_second = first.u[:n, 0], second.u[:n, 0]
+    distance = np.abs(u - u_second)
+    if distance.max() > _SAME * max(float(np.ptp(u)), 1e-12):
+        k = int(distance.argmax())
         raise InputError(
-            f"the inputs differ: {u[k]:g} V and {other[k]:g} V in {label} at {k * one.Ts:g} s; logs are compared under "
-            "the same input, so record both with one, or compare each with the twin"
+            f"the inputs differ: {u[k]:g} V and {u_second[k]:g} V in {label} at {k * first.Ts:g} s; logs are compared "
+            "under the same input, so record both with one, or compare each with the twin"
         )
-    e = one.y[:n, 0] - two.y[:n, 0]
-    t = np.arange(n) * one.Ts
+    e = first.y[:n, 0] - second.y[:n, 0]
+    t = np.arange(n) * first.Ts
     X = np.column_stack([np.ones(n), t - t.mean()])
     beta, *_ = np.linalg.lstsq(X, e, rcond=None)
     rest = e - X @ beta
     half = float(norm.ppf(0.5 + LEVEL / 2)) * sandwich(X, rest)
     (a, b), (da, db) = beta.tolist(), half.tolist()
-    noise = float(np.hypot(noise_of(one.y[:n, 0]), noise_of(two.y[:n, 0])))
+    noise = float(np.hypot(noise_of(first.y[:n, 0]), noise_of(second.y[:n, 0])))
     spread = float(np.sqrt(np.mean(rest**2)))
     return Repeat(spread, noise, (a, a - da, a + da), (b, b - db, b + db), n)

@@ -40,7 +40,7 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
     dry = max(p[f"{joint}.coulomb"], strong)
     volts = p[f"{joint}.rated_voltage"]
     supply = min(p["supply_voltage"], largest) if largest > 0 else p["supply_voltage"]
-    found = [
+    entries = [
         Knob(START, "rad", angle, low, high, 0.01),
         Knob(DELAY, "s", 0.0, -_LONGEST, _LONGEST, 0.01, (0.02, 0.06, 0.15)),
         Knob(SLOPE, "1", 1.0, 0.005, 200.0, 0.01),
@@ -61,7 +61,7 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
         *(_row(f"{joint}.{name}", p, 0.3 * p[f"{joint}.{name}"] or 1.0) for name in _SCALES),
         _row("supply_resistance", p, 1.0, (4.0,)),
     ]
-    return {knob.name: knob for knob in found}
+    return {knob.name: knob for knob in entries}
 
 
 def _row(name: str, p: Parameters, typical: float, first: tuple[float, ...] = ()) -> Knob:
@@ -69,7 +69,7 @@ def _row(name: str, p: Parameters, typical: float, first: tuple[float, ...] = ()
     return Knob(name, row.unit, p[name], row.lower, row.upper, typical, first)
 
 
-def moved(p: Parameters, joint: str, values: Mapping[str, float]) -> Parameters:
+def apply_knobs(p: Parameters, joint: str, values: Mapping[str, float]) -> Parameters:
     """The parameters with the knobs `values` that belong to the twin; raises InputError for ends out of reach."""
     changes = {name: value for name, value in values.items() if name in _ROWS and name != DELAY}
     if END_LOW in values or END_HIGH in values:

@@ -37,20 +37,20 @@ def values(
     Econometrica 55, 1987), which needs no white residuals. `doubts` are standard uncertainties of knobs that the search
     did not move: a wrong one moves the result by A^-1 J'J_n, which adds to the covariance.
     """
-    others = {name: std for name, std in (doubts or {}).items() if name not in search.knobs}
-    (J,) = differences(trials, [replace(search, knobs=(*search.knobs, *others), last=None)])
-    own = 1 + len(search.free)
-    scales = [std / trials.knobs[name].typical for name, std in others.items()]
-    spread = sandwich(J[:, 1:own], y - J[:, 0], J[:, own:] * scales, stiffness(trials, search))
+    doubtful = {name: std for name, std in (doubts or {}).items() if name not in search.knobs}
+    (J,) = differences(trials, [replace(search, knobs=(*search.knobs, *doubtful), last=None)])
+    n_free = 1 + len(search.free)
+    scales = [std / trials.knobs[name].typical for name, std in doubtful.items()]
+    spread = sandwich(J[:, 1:n_free], y - J[:, 0], J[:, n_free:] * scales, stiffness(trials, search))
     factor = float(norm.ppf(0.5 + level / 2))
-    found = []
+    results = []
     for name, std in zip(search.free, spread, strict=True):
         knob = trials.knobs[name]
         value, half = search.state.get(name, knob.nominal), factor * std * knob.typical
         known = bool(np.isfinite(half))
         low, high = (max(value - half, knob.lower), min(value + half, knob.upper)) if known else (None, None)
-        found.append(Value(name, value, low, high, knob.unit))
-    return tuple(found)
+        results.append(Value(name, value, low, high, knob.unit))
+    return tuple(results)
 
 
 def sandwich(
@@ -62,32 +62,32 @@ def sandwich(
     expected sizes add to J'J (see `stiffness`); they are readings like the others, with errors of their own.
     """
     size = np.linalg.norm(J, axis=0)
-    own = np.zeros(J.shape[1]) if stiff is None else stiff
-    seen = (size > _BLIND * max(float(size.max()), 1e-300)) | (own > 0.0)
+    prior = np.zeros(J.shape[1]) if stiff is None else stiff
+    active = (size > _BLIND * max(float(size.max()), 1e-300)) | (prior > 0.0)
     out = np.full(J.shape[1], np.inf)
-    if not seen.any():
+    if not active.any():
         return out
-    J, own = J[:, seen], own[seen]
+    J, prior = J[:, active], prior[active]
     long = np.linalg.norm(J, axis=0)
     long[long == 0.0] = 1.0
     root = long[:, None] * long_run_covariance_root(e, J / long, [len(e)], "auto")[0]
-    full = np.sqrt(np.sum(J**2, axis=0) + own)
-    scaled = np.vstack([J, np.diag(np.sqrt(own))]) / full
-    _, s, right = np.linalg.svd(scaled, full_matrices=False)
+    full = np.sqrt(np.sum(J**2, axis=0) + prior)
+    design = np.vstack([J, np.diag(np.sqrt(prior))]) / full
+    _, s, right = np.linalg.svd(design, full_matrices=False)
     kept = s > 1e-6 * s[0]
     inverse = (right[kept].T / s[kept] ** 2) @ right[kept]  # of the scaled J'J + stiff
     # An expected size of n is a reading with variance noise; noise times stiff is what it adds to the scores' variance.
     noise = float(np.mean(e**2))
-    parts = [root / full[:, None], np.diag(np.sqrt(noise * own) / full)]
+    parts = [root / full[:, None], np.diag(np.sqrt(noise * prior) / full)]
     if doubts is not None and doubts.size:
         parts.append((J.T @ doubts) / full[:, None])
     std = np.linalg.norm(inverse @ np.hstack(parts), axis=1) / full
     lost = np.abs(right[~kept]).max(axis=0, initial=0.0) > 1e-3
     std[lost] = np.inf
-    out[seen] = std
+    out[active] = std
     return out
 
 
-def by_name(found: tuple[Value, ...]) -> Mapping[str, Value]:
+def by_name(results: tuple[Value, ...]) -> Mapping[str, Value]:
     """The values by name."""
-    return {value.name: value for value in found}
+    return {value.name: value for value in results}

@@ -48,7 +48,7 @@ class Pair:
         return abs(self.log.value - self.other.value) > half
 
 
-def pairs(log: IOData, other: IOData, seed: int = 0, starts: int = 2) -> tuple[Pair, ...]:
+def pairs(log: IOData, response: IOData, seed: int = 0, starts: int = 2) -> tuple[Pair, ...]:
     """Values of both sides, in one order; none if no actuated joint can be fitted to these records.
 
     The joint grows on the log. The same joint is then fitted to the other side from there, so that what the joint lacks
@@ -56,23 +56,25 @@ def pairs(log: IOData, other: IOData, seed: int = 0, starts: int = 2) -> tuple[P
     """
     try:
         fit = grow_joint(log, starts=starts, seed=seed).fit
-        second = fit_chain(fit.model, other, start=fit.theta, search="lm")
-        mine, theirs = joint_values(fit, data=log), joint_values(second, data=other)
+        second = fit_chain(fit.model, response, start=fit.theta, search="lm")
+        log_values, response_values = joint_values(fit, data=log), joint_values(second, data=response)
     except InputError:
         return ()
-    if any(value.name == SUM for value in (*mine, *theirs)):  # one side tells time constant and delay as one value
-        mine, theirs = _summed(mine), _summed(theirs)
-    found = {value.name: value for value in theirs}
-    return tuple(Pair(value.name, value, found[value.name]) for value in mine if value.name in found)
+    if any(
+        value.name == SUM for value in (*log_values, *response_values)
+    ):  # one side tells time constant and delay as one value
+        log_values, response_values = _sum_lag_and_delay(log_values), _sum_lag_and_delay(response_values)
+    by_name = {value.name: value for value in response_values}
+    return tuple(Pair(value.name, value, by_name[value.name]) for value in log_values if value.name in by_name)
 
 
-def _summed(values: tuple[JointValue, ...]) -> tuple[JointValue, ...]:
+def _sum_lag_and_delay(values: tuple[JointValue, ...]) -> tuple[JointValue, ...]:
     """The values with the sum of time constant and delay in place of both, without an interval."""
     parts = [value for value in values if value.name in ("time_constant", "delay")]
     if len(parts) < 2:
         return values
-    one = JointValue(SUM, sum(part.value for part in parts), None, None, "s")
-    return (*(value for value in values if value not in parts), one)
+    total = JointValue(SUM, sum(part.value for part in parts), None, None, "s")
+    return (*(value for value in values if value not in parts), total)
 
 
 __all__ = ["EFFECTS", "Pair", "pairs"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from sysid.base.errors import InputError
-from twin.compare.effects import READ, SLOPE, START, ZERO, Knob, knobs, moved
+from twin.compare.effects import READ, SLOPE, START, ZERO, Knob, apply_knobs, knobs
 from twin.follow import Follower
 from twin.parameters import Parameters
 
@@ -31,39 +31,41 @@ class Trials:
     def __post_init__(self) -> None:
         f = self.follower
         first = (float(f.y[0]) - self.read.get(ZERO, 0.0)) / self.read.get(SLOPE, 1.0)
-        found = knobs(self.parameters, f.joint, first, float(np.abs(f.u).max()))
-        self.knobs = found | {name: replace(found[name], nominal=value) for name, value in self.read.items()}
+        table = knobs(self.parameters, f.joint, first, float(np.abs(f.u).max()))
+        self.knobs = table | {name: replace(table[name], nominal=value) for name, value in self.read.items()}
 
     def rows(self, states: Sequence[Values]) -> np.ndarray:
         """Readings (states, N) [rad]; NaN where no such twin exists or its simulation fails."""
         keys = [self._key(state) for state in states]
-        wanted = {key: state for key, state in zip(keys, states, strict=True) if key not in self._courses}
-        self._simulate(wanted)
+        missing = {key: state for key, state in zip(keys, states, strict=True) if key not in self._courses}
+        self._simulate(missing)
         return np.stack([self._read(self._courses[key], state) for key, state in zip(keys, states, strict=True)])
 
     def _key(self, state: Values) -> tuple:
-        own = {name: value for name, value in state.items() if name not in READ and value != self.knobs[name].nominal}
-        return tuple(sorted(own.items()))
+        changes = {
+            name: value for name, value in state.items() if name not in READ and value != self.knobs[name].nominal
+        }
+        return tuple(sorted(changes.items()))
 
-    def _simulate(self, wanted: Mapping[tuple, Values]) -> None:
+    def _simulate(self, missing: Mapping[tuple, Values]) -> None:
         """Run those that are not known yet."""
         able = {}
-        for key in wanted:
+        for key in missing:
             try:
-                able[key] = moved(self.parameters, self.follower.joint, dict(key))
+                able[key] = apply_knobs(self.parameters, self.follower.joint, dict(key))
             except InputError:
                 self._courses[key] = np.array([np.nan, np.nan])
         order = list(able)
         for k in range(0, len(order), MOST):
             part = order[k : k + MOST]
             starts = [dict(key).get(START, self.knobs[START].nominal) for key in part]
-            found = self.follower.courses([able[key] for key in part], starts)
+            courses = self.follower.courses([able[key] for key in part], starts)
             self.simulated += len(part)
-            self._courses |= dict(zip(part, found.astype(np.float32), strict=True))
+            self._courses |= dict(zip(part, courses.astype(np.float32), strict=True))
 
     def _read(self, course: np.ndarray, state: Values) -> np.ndarray:
-        late, slope, zero = (state.get(name, self.knobs[name].nominal) for name in READ)
-        return slope * self.follower.at(course, late) + zero
+        delay, slope, zero = (state.get(name, self.knobs[name].nominal) for name in READ)
+        return slope * self.follower.sample_course(course, delay) + zero
 
 
 ROUNDS = 6
@@ -121,7 +123,7 @@ def best_of(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
     start = None
-    for done in range(rounds):
+    for index in range(rounds):
         active = [search for search in searches if not search.done]
         if not active:
             return
@@ -129,31 +131,31 @@ def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: 
             start = differences(trials, [Search("", (), dict(active[0].state))])[0][:, 1]
         jacobians = differences(trials, active, start)
         proposals = [_proposals(trials, s, J, y) for s, J in zip(active, jacobians, strict=True)]
-        costs = _costs(trials, [state for each in proposals for _, state in each], y)
-        for search, each in zip(active, proposals, strict=True):
-            own, costs = costs[: len(each)], costs[len(each) :]
-            own = own + [_surprise(trials, search, state) / len(y) for _, state in each]
-            _move(trials, search, each, own, len(y))
-        limit = _BEHIND[min(done, len(_BEHIND) - 1)] * min(search.cost for search in searches)
+        costs = _costs(trials, [state for steps in proposals for _, state in steps], y)
+        for search, steps in zip(active, proposals, strict=True):
+            step_costs, costs = costs[: len(steps)], costs[len(steps) :]
+            step_costs = step_costs + [_surprise(trials, search, state) / len(y) for _, state in steps]
+            _move(trials, search, steps, step_costs, len(y))
+        limit = _BEHIND[min(index, len(_BEHIND) - 1)] * min(search.cost for search in searches)
         for search in active:
             search.done = search.done or search.cost > limit
 
 
-def again(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:
+def restart(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:
     """Search again from the nominal values where a search stopped well above the noise [rad^2]; the better one stays.
 
     A joint that sticks or does not stick at some voltage makes valleys that a Gauss-Newton step does not leave.
     """
-    stuck = [search for search in searches if search.cost > _SETTLED * noise]
-    fresh = [Search(search.name, search.knobs) for search in stuck]
+    stragglers = [search for search in searches if search.cost > _SETTLED * noise]
+    fresh = [Search(search.name, search.knobs) for search in stragglers]
     if not fresh:
         return
     for search, cost in zip(fresh, _costs(trials, [{}] * len(fresh), y), strict=True):
         search.cost = float(cost)
     _advance(trials, fresh, y, rounds)
-    for search, other in zip(stuck, fresh, strict=True):
-        if other.cost < search.cost:
-            search.state, search.cost, search.last = other.state, other.cost, other.last
+    for search, rival in zip(stragglers, fresh, strict=True):
+        if rival.cost < search.cost:
+            search.state, search.cost, search.last = rival.state, rival.cost, rival.last
 
 
 def differences(trials: Trials, searches: Sequence[Search], start: np.ndarray | None = None) -> list[np.ndarray]:
@@ -165,7 +167,7 @@ def differences(trials: Trials, searches: Sequence[Search], start: np.ndarray | 
     states, steps = [], []
     for search in searches:
         states.append(dict(search.state))
-        own = []
+        step_sizes = []
         for j, name in enumerate(search.free):
             if name == START and start is not None:
                 continue
@@ -173,17 +175,17 @@ def differences(trials: Trials, searches: Sequence[Search], start: np.ndarray | 
             size = _LARGEST if search.last is None else float(np.clip(abs(search.last[j]), _SMALLEST, _LARGEST))
             step = size * knob.typical
             step = step if value + step <= knob.upper and name != "supply_voltage" else -step
-            own.append(step / knob.typical)
+            step_sizes.append(step / knob.typical)
             states.append({**search.state, name: value + step})
-        steps.append(own)
+        steps.append(step_sizes)
     rows = trials.rows(states)
-    found = []
-    for own in steps:
-        part, rows = rows[: len(own) + 1], rows[len(own) + 1 :]
+    derivatives = []
+    for step_sizes in steps:
+        part, rows = rows[: len(step_sizes) + 1], rows[len(step_sizes) + 1 :]
         columns = [] if start is None else [start]
-        columns += [(row - part[0]) / step for row, step in zip(part[1:], own, strict=True)]
-        found.append(np.nan_to_num(np.column_stack([part[0], *columns])))
-    return found
+        columns += [(row - part[0]) / step for row, step in zip(part[1:], step_sizes, strict=True)]
+        derivatives.append(np.nan_to_num(np.column_stack([part[0], *columns])))
+    return derivatives
 
 
 def _scan(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> None:
@@ -211,18 +213,20 @@ def _proposals(
     rest, columns = y - J[:, 0], J[:, 1:]
     gram, right = columns.T @ columns, columns.T @ rest
     stiff = stiffness(trials, search)
-    away = [(_value(trials, search.state, n) - trials.knobs[n].nominal) / trials.knobs[n].typical for n in search.free]
-    gram, right = gram + np.diag(stiff), right - stiff * away
+    distance = [
+        (_value(trials, search.state, n) - trials.knobs[n].nominal) / trials.knobs[n].typical for n in search.free
+    ]
+    gram, right = gram + np.diag(stiff), right - stiff * distance
     scale = np.maximum(np.diag(gram), 1e-9 * max(float(np.diag(gram).max()), 1e-30))
-    found = []
+    proposals = []
     for factor in _DAMPED:
         step = np.linalg.solve(gram + factor * search.damping * np.diag(scale), right)
         state = dict(search.state)
         for name, change in zip(search.free, step, strict=True):
             knob = trials.knobs[name]
             state[name] = float(np.clip(_value(trials, state, name) + change * knob.typical, knob.lower, knob.upper))
-        found.append((step, state))
-    return found
+        proposals.append((step, state))
+    return proposals
 
 
 def stiffness(trials: Trials, search: Search) -> np.ndarray:
@@ -233,8 +237,8 @@ def stiffness(trials: Trials, search: Search) -> np.ndarray:
 
 def _surprise(trials: Trials, search: Search, state: Mapping[str, float]) -> float:
     """What the expected sizes add to the sum of squares at a state."""
-    off = [(_value(trials, state, n) - trials.knobs[n].nominal) / std for n, std in search.expected.items()]
-    return search.noise * float(np.sum(np.square(off)))
+    deviation = [(_value(trials, state, n) - trials.knobs[n].nominal) / std for n, std in search.expected.items()]
+    return search.noise * float(np.sum(np.square(deviation)))
 
 
 def _move(trials: Trials, search: Search, proposals: Sequence, costs: np.ndarray, N: int) -> None:

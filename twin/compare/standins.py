@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin.compare.effects import END_HIGH, END_LOW, TABLE, moved
+from twin.compare.effects import END_HIGH, END_LOW, TABLE, apply_knobs
 from twin.experiment import Experiment
 from twin.follow import Follower
 from twin.hardware.linkage import end_angles, middle
@@ -36,22 +36,22 @@ def stand_in(effect: str, seed: int) -> StandIn:
     """The stand-in number `seed` of this effect, one of `TABLE` or "nothing"."""
     rng = np.random.default_rng([seed, [*TABLE, NOTHING].index(effect)])
     while True:
-        joint = str(rng.choice([each for each in JOINTS if (each, effect) not in INVISIBLE]))
+        joint = str(rng.choice([name for name in JOINTS if (name, effect) not in INVISIBLE]))
         excitation, options = _EXCITATIONS[int(rng.integers(len(_EXCITATIONS)))]
         p = Parameters()
-        own = Experiment(joint, excitation, DURATION, TS, seed=seed, options=options)
-        plan = Log(own.commands()[:, 0], np.full(own.N, middle(p, joint)), TS, joint=joint)
-        changed, slope, size = (p, 1.0, "") if effect == NOTHING else _DRAWS[effect](p, joint, plan.u, rng)
+        experiment = Experiment(joint, excitation, DURATION, TS, seed=seed, options=options)
+        plan = Log(experiment.commands()[:, 0], np.full(experiment.N, middle(p, joint)), TS, joint=joint)
+        departure, slope, size = (p, 1.0, "") if effect == NOTHING else _DRAWS[effect](p, joint, plan.u, rng)
         follower = Follower(plan, joint, threads=1)
-        if effect == NOTHING or _visible(follower, p, changed, slope):
+        if effect == NOTHING or _visible(follower, p, departure, slope):
             break
-    log = follower.record(changed, seed=seed)
+    log = follower.record(departure, seed=seed)
     return StandIn(effect, joint, excitation, size, Log(log.u, slope * log.y, TS, None, joint, {"source": "stand-in"}))
 
 
-def _visible(follower: Follower, p: Parameters, changed: Parameters, slope: float) -> bool:
-    own, other = follower.readings([p, changed])
-    return float(np.sqrt(np.mean((slope * other - own) ** 2))) >= VISIBLE
+def _visible(follower: Follower, p: Parameters, departure: Parameters, slope: float) -> bool:
+    nominal, response = follower.readings([p, departure])
+    return float(np.sqrt(np.mean((slope * response - nominal) ** 2))) >= VISIBLE
 
 
 Draw = Callable[[Parameters, str, np.ndarray, np.random.Generator], tuple[Parameters, float, str]]
@@ -68,17 +68,17 @@ def _friction(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator
 
 def _backlash(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator) -> tuple[Parameters, float, str]:
     """0.5 to 3 degrees more."""
-    more = float(np.exp(rng.uniform(np.log(0.5), np.log(3.0))))
+    increase = float(np.exp(rng.uniform(np.log(0.5), np.log(3.0))))
     name = f"{joint}.backlash"
-    return p.replace({name: p[name] + np.deg2rad(more)}), 1.0, f"backlash {more:+.2f} deg"
+    return p.replace({name: p[name] + np.deg2rad(increase)}), 1.0, f"backlash {increase:+.2f} deg"
 
 
 def _delay(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator) -> tuple[Parameters, float, str]:
     """10 to 150 ms more, in whole periods of the board; or the 20 ms of the twin less."""
     if rng.random() < 0.15:
         return p.replace({"delay": 0.0}), 1.0, f"delay {-1e3 * p['delay']:.0f} ms"
-    more = 0.01 * round(float(np.exp(rng.uniform(0.0, np.log(15.0)))))
-    return p.replace({"delay": p["delay"] + more}), 1.0, f"delay {1e3 * more:+.0f} ms"
+    increase = 0.01 * round(float(np.exp(rng.uniform(0.0, np.log(15.0)))))
+    return p.replace({"delay": p["delay"] + increase}), 1.0, f"delay {1e3 * increase:+.0f} ms"
 
 
 def _end_stop(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator) -> tuple[Parameters, float, str]:
@@ -86,13 +86,13 @@ def _end_stop(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator
     inward = np.exp(rng.uniform(np.log(0.5), np.log(6.0), 2)) * np.array([(1, 0), (0, 1), (1, 1)][rng.integers(3)])
     low, high = end_angles(p, joint)
     ends = {END_LOW: low + np.deg2rad(inward[0]), END_HIGH: high - np.deg2rad(inward[1])}
-    return moved(p, joint, ends), 1.0, f"ends {inward[0]:.2f} and {inward[1]:.2f} deg further in"
+    return apply_knobs(p, joint, ends), 1.0, f"ends {inward[0]:.2f} and {inward[1]:.2f} deg further in"
 
 
 def _load(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator) -> tuple[Parameters, float, str]:
     """0.1 to 1.5 kg more at the foot."""
-    more = float(np.exp(rng.uniform(np.log(0.1), np.log(1.5))))
-    return p.replace({"foot_mass": p["foot_mass"] + more}), 1.0, f"{more:.2f} kg at the foot"
+    increase = float(np.exp(rng.uniform(np.log(0.1), np.log(1.5))))
+    return p.replace({"foot_mass": p["foot_mass"] + increase}), 1.0, f"{increase:.2f} kg at the foot"
 
 
 def _supply(p: Parameters, joint: str, u: np.ndarray, rng: np.random.Generator) -> tuple[Parameters, float, str]:

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from twin.compare.departure import noise_of
 from twin.compare.effects import SLOPE, START, TABLE, ZERO
 from twin.compare.intervals import Value, values
-from twin.compare.search import Search, Trials, again, fit_all, refine
+from twin.compare.search import Search, Trials, fit_all, refine, restart
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
@@ -75,7 +75,7 @@ class Verdict:
 
 
 def explain(
-    trials: Trials, tell: Callable[[str], None] = lambda what: None, effects: Sequence[str] = tuple(TABLE)
+    trials: Trials, tell: Callable[[str], None] = lambda text: None, effects: Sequence[str] = tuple(TABLE)
 ) -> Verdict:
     """The verdict on the departure of the log of `trials` from its twin.
 
@@ -83,80 +83,82 @@ def explain(
     """
     joint, y = trials.follower.joint, trials.follower.y
     base = Search("", ())
-    alone = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
-    for search in alone:
+    singles = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
+    for search in singles:
         if SLOPE in search.knobs:
             search.tries = _other_scale(trials)
     tell("each effect alone")
-    fit_all(trials, [base, *alone], y)
-    alone.sort(key=lambda search: _score(search, len(y)))
-    again(trials, alone[:2], y, noise_of(y) ** 2)
-    alone.sort(key=lambda search: _score(search, len(y)))
-    noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in alone))
-    kept = _kept(base, alone, len(y))
-    chosen = [] if kept is None else [kept]
-    while kept is not None and len(chosen) < MOST and chosen[-1].cost > _SETTLED * noise:
-        last = chosen[-1]
-        named = last.name.split("+")
-        more = [
+    fit_all(trials, [base, *singles], y)
+    singles.sort(key=lambda search: _score(search, len(y)))
+    restart(trials, singles[:2], y, noise_of(y) ** 2)
+    singles.sort(key=lambda search: _score(search, len(y)))
+    noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in singles))
+    winner = _better_than_chance(base, singles, len(y))
+    searches = [] if winner is None else [winner]
+    while winner is not None and len(searches) < MOST and searches[-1].cost > _SETTLED * noise:
+        last = searches[-1]
+        names = last.name.split("+")
+        candidates = [
             Search(f"{last.name}+{name}", last.knobs + TABLE[name].knobs_of(joint), dict(last.state))
             for name in effects
-            if name not in named
+            if name not in names
         ]
-        tell(f"beside {' and '.join(TABLE[name].words for name in named)}")
-        fit_all(trials, more, y, rounds=3)
-        more.sort(key=lambda search: _score(search, len(y)))
-        kept = _kept(last, more, len(y))
-        if kept is None or last.cost - kept.cost < _WORTH * (base.cost - noise):
+        tell(f"beside {' and '.join(TABLE[name].words for name in names)}")
+        fit_all(trials, candidates, y, rounds=3)
+        candidates.sort(key=lambda search: _score(search, len(y)))
+        winner = _better_than_chance(last, candidates, len(y))
+        if winner is None or last.cost - winner.cost < _WORTH * (base.cost - noise):
             break
-        chosen.append(kept)
-    chosen = _needed(trials, base, chosen, y)
-    noise = min([noise, *(search.cost for search in chosen)])
-    shares = [Share(s.name, _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in alone]
-    own = [Share(s.name.split("+")[-1], _vanished(s, base, noise), float(np.sqrt(s.cost))) for s in chosen]
-    if chosen:
-        changes = _changes(trials, chosen[-1], y)
-        own = [
+        searches.append(winner)
+    searches = _drop_superfluous(trials, base, searches, y)
+    noise = min([noise, *(search.cost for search in searches)])
+    shares = [Share(s.name, _explained_share(s, base, noise), float(np.sqrt(s.cost))) for s in singles]
+    named_shares = [
+        Share(s.name.split("+")[-1], _explained_share(s, base, noise), float(np.sqrt(s.cost))) for s in searches
+    ]
+    if searches:
+        changes = _changes(trials, searches[-1], y)
+        named_shares = [
             Share(s.effect, s.share, s.rms, tuple(c for c in changes if c.name in TABLE[s.effect].knobs_of(joint)))
-            for s in own
+            for s in named_shares
         ]
     return Verdict(
         float(np.sqrt(base.cost)),
         float(np.sqrt(noise)),
         tuple(shares),
-        tuple(own),
-        _alike(trials, alone, y) if chosen else (),
-        not chosen,
+        tuple(named_shares),
+        _alike(trials, singles, y) if searches else (),
+        not searches,
         trials.follower.log.N * trials.follower.log.Ts,
         trials.simulated,
-        dict(chosen[-1].state if chosen else base.state),
+        dict(searches[-1].state if searches else base.state),
     )
 
 
-def _needed(trials: Trials, base: Search, chosen: list[Search], y: np.ndarray) -> list[Search]:
+def _drop_superfluous(trials: Trials, base: Search, searches: list[Search], y: np.ndarray) -> list[Search]:
     """The effects that are still needed once all are named, in order: a later one may do what the first one stood for.
 
     Without one of them the others are fitted again; if that costs no more than chance, it goes.
     """
-    names = chosen[-1].name.split("+") if chosen else []
-    joint, full = trials.follower.joint, chosen[-1] if chosen else base
+    names = searches[-1].name.split("+") if searches else []
+    joint, full = trials.follower.joint, searches[-1] if searches else base
     for name in names[:-1]:
-        left = [other for other in full.name.split("+") if other != name]
-        knobs = tuple(knob for other in left for knob in TABLE[other].knobs_of(joint))
-        search = Search("+".join(left), knobs, {k: v for k, v in full.state.items() if k in (START, *knobs)})
+        rest = [effect for effect in full.name.split("+") if effect != name]
+        knobs = tuple(knob for effect in rest for knob in TABLE[effect].knobs_of(joint))
+        search = Search("+".join(rest), knobs, {k: v for k, v in full.state.items() if k in (START, *knobs)})
         refine(trials, search, y)
-        if _kept(search, [full], len(y)) is None:
+        if _better_than_chance(search, [full], len(y)) is None:
             full = search
-    if full is (chosen[-1] if chosen else base):
-        return chosen
-    found = []
+    if full is (searches[-1] if searches else base):
+        return searches
+    result = []
     for k in range(1, len(full.name.split("+")) + 1):
         part = full.name.split("+")[:k]
-        knobs = tuple(knob for other in part for knob in TABLE[other].knobs_of(joint))
+        knobs = tuple(knob for effect in part for knob in TABLE[effect].knobs_of(joint))
         search = Search("+".join(part), knobs, {n: v for n, v in full.state.items() if n in (START, *knobs)})
         refine(trials, search, y)
-        found.append(search)
-    return found
+        result.append(search)
+    return result
 
 
 def _other_scale(trials: Trials) -> tuple[dict[str, float], ...]:
@@ -176,29 +178,29 @@ def _score(search: Search, N: int) -> float:
     return N * float(np.log(search.cost)) + len(search.free) * float(np.log(N))
 
 
-def _kept(base: Search, found: Sequence[Search], N: int) -> Search | None:
-    """The best of `found`, if it fits better than chance makes it (likelihood ratio, Bonferroni over all of them)."""
-    best = found[0]
-    gained = len(best.free) - len(base.free)
-    limit = float(chi2.isf(CHANCE / len(found), gained))
+def _better_than_chance(base: Search, candidates: Sequence[Search], N: int) -> Search | None:
+    """The best of `candidates`, if it fits better than chance makes it (likelihood ratio, Bonferroni over all)."""
+    best = candidates[0]
+    n_values = len(best.free) - len(base.free)
+    limit = float(chi2.isf(CHANCE / len(candidates), n_values))
     return best if N * np.log(base.cost / best.cost) > limit else None
 
 
-def _vanished(search: Search, base: Search, noise: float) -> float:
+def _explained_share(search: Search, base: Search, noise: float) -> float:
     if base.cost <= noise:
         return 0.0
     return float(np.clip((base.cost - search.cost) / (base.cost - noise), 0.0, 1.0))
 
 
-def _alike(trials: Trials, ranked: Sequence[Search], y: np.ndarray) -> tuple[str, ...]:
+def _alike(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> tuple[str, ...]:
     """Effects whose fit this record cannot tell from the best one's; coloured residuals count as fewer samples."""
-    (row,) = trials.rows([ranked[0].state])
+    (row,) = trials.rows([searches[0].state])
     e = y - row
     e = e - e.mean()
     memory = float(np.clip((e[1:] @ e[:-1]) / max(float(e @ e), 1e-300), 0.0, 0.99))
     samples = len(y) * (1.0 - memory) / (1.0 + memory)
-    best = ranked[0].cost
-    return tuple(s.name for s in ranked[1:] if samples * np.log(s.cost / best) < _ALIKE)
+    best = searches[0].cost
+    return tuple(s.name for s in searches[1:] if samples * np.log(s.cost / best) < _ALIKE)
 
 
 def _changes(trials: Trials, search: Search, y: np.ndarray) -> tuple[Change, ...]:

@@ -61,8 +61,8 @@ def motor(parameters: Parameters, joint: str) -> Motor:
 
 def check_rotor(parameters: Parameters, joint: str) -> None:
     """Raises InputError if the rotor of `joint` is too light for the simulation's step."""
-    one = motor(parameters, joint)
-    mass, lag = one.reflected_inertia, one.inertia * one.resistance / one.constant**2
+    constants = motor(parameters, joint)
+    mass, lag = constants.reflected_inertia, constants.inertia * constants.resistance / constants.constant**2
     unit = "kg m²" if joint == "shoulder" else "kg"
     if mass < LIGHTEST[joint] or lag < QUICKEST:
         raise InputError(
@@ -96,10 +96,10 @@ class DryFriction:
 def dry_friction(parameters: Parameters, joint: str, without: Collection[str] = ()) -> DryFriction:
     """The dry friction of `joint`, with the parts that are not switched off."""
     values = parameters.switched_off(without)
-    coulomb, tilt, *others = (
+    coulomb, tilt, *rest = (
         values[f"{joint}.{name}"] for name in ("coulomb", "asymmetry", "stribeck", "stribeck_speed", "load_friction")
     )
-    return DryFriction(coulomb * (1.0 + tilt), coulomb * (1.0 - tilt), *others)
+    return DryFriction(coulomb * (1.0 + tilt), coulomb * (1.0 - tilt), *rest)
 
 
 MODES = ("voltage", "servo")

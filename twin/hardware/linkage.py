@@ -56,8 +56,8 @@ def stroke(parameters: Parameters, joint: str) -> tuple[float, float]:
     """Ends of travel of the drive side of `joint`: tendon lengths [m], or angles [rad] for the shoulder."""
     if joint == "shoulder":
         return parameters["shoulder.lower"], parameters["shoulder.upper"]
-    retracted = parameters[f"{joint}.retracted_length"]
-    return retracted, retracted + parameters[f"{joint}.stroke"]
+    shortest = parameters[f"{joint}.retracted_length"]
+    return shortest, shortest + parameters[f"{joint}.stroke"]
 
 
 def end_angles(parameters: Parameters, joint: str) -> tuple[float, float]:

@@ -42,19 +42,19 @@ class Potentiometer:
 
     def read(self, angle: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Logged reading (N,) [rad] of `angle` (N,) [rad], which already includes nonlinearity and jitter."""
-        noise, missed = rng.standard_normal(len(angle)), rng.random(len(angle)) < self.dropouts
+        noise, lost_samples = rng.standard_normal(len(angle)), rng.random(len(angle)) < self.dropouts
         reading = angle + self.noise * noise
         if self.bits is not None:
             half = 2 ** (self.bits - 1)
             reading = np.clip(np.round(reading / self.step), -half, half - 1) * self.step
-        missed[0] = False
-        return reading[np.maximum.accumulate(np.where(missed, 0, np.arange(len(angle))))]
+        lost_samples[0] = False
+        return reading[np.maximum.accumulate(np.where(lost_samples, 0, np.arange(len(angle))))]
 
     def times(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Time errors (N,) [s] of N samples relative to k Ts."""
-        off = np.clip(self.jitter * rng.standard_normal(N), -0.5 * Ts, 0.5 * Ts)
-        off[0] = max(off[0], 0.0)
-        return off
+        errors = np.clip(self.jitter * rng.standard_normal(N), -0.5 * Ts, 0.5 * Ts)
+        errors[0] = max(errors[0], 0.0)
+        return errors
 
 
 def potentiometer(parameters: Parameters, without: Collection[str] = ()) -> Potentiometer:

@@ -49,7 +49,7 @@ IMPERFECTIONS = tuple(TABLE)
 
 def of_group(*groups: str) -> tuple[str, ...]:
     """Names of the imperfections in these groups, of `GROUPS`."""
-    return tuple(name for name, each in TABLE.items() if each.group in groups)
+    return tuple(name for name, kind in TABLE.items() if kind.group in groups)
 
 
 __all__ = ["GROUPS", "GUESS", "IMPERFECTIONS", "TABLE", "Imperfection", "Row", "of_group", "slot_value"]

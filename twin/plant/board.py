@@ -44,8 +44,8 @@ def circuit(parameters: Parameters, joint: str, without: Collection[str] = ()) -
         dry_friction(parameters, joint, without),
         p[f"{joint}.viscous"],
         potentiometer(parameters, without),
-        {name: slot_value(slot, p, joint) for each in IMPERFECTIONS.values() for name, slot in each.board.items()},
-        {name: slot_value(slot, p, joint) for each in IMPERFECTIONS.values() for name, slot in each.joint.items()},
+        {name: slot_value(slot, p, joint) for kind in IMPERFECTIONS.values() for name, slot in kind.board.items()},
+        {name: slot_value(slot, p, joint) for kind in IMPERFECTIONS.values() for name, slot in kind.joint.items()},
     )
 
 
@@ -90,9 +90,9 @@ def user_data(
         **{slots.OF_BOARD[name]: value for name, value in circuits[0].common.items()},
     }.items():
         out[slot] = value
-    for k, one in enumerate(circuits):
+    for k, joint_circuit in enumerate(circuits):
         block = out[slots.HEAD + k * slots.WIDTH :]
-        for slot, value in (_electrics(one, servo) | _places(model, k, pot_on_link)).items():
+        for slot, value in (_electrics(joint_circuit, servo) | _places(model, k, pot_on_link)).items():
             block[slot] = value
     return out
 

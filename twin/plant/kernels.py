@@ -82,7 +82,7 @@ def _normal(seed, joint, tick):
 
 
 @njit
-def _seen(j, qpos):
+def _angle_read(j, qpos):
     """Angle [rad] read by the potentiometer, without noise and ADC."""
     angle = qpos[int(j[s.HINGE])]
     if j[s.POT_PLAY] >= 0:
@@ -93,7 +93,7 @@ def _seen(j, qpos):
 @njit
 def _servo(board, j, joint, tick, period, reference, qpos):
     """Voltage [V] commanded by the position loop: PID on the potentiometer voltage, integral held at saturation."""
-    reading = _seen(j, qpos)
+    reading = _angle_read(j, qpos)
     if j[s.POT_NOISE] > 0.0:
         reading += j[s.POT_NOISE] * _normal(board[s.SEED], joint, tick)
     if j[s.POT_STEP] > 0.0:
@@ -104,22 +104,22 @@ def _servo(board, j, joint, tick, period, reference, qpos):
     j[s.LAST] = reading
     error = reference - reading
     integral = j[s.INTEGRAL] + period * error
-    asked = j[s.KP] * error + j[s.KI] * integral - j[s.KD] * rate
-    if abs(asked) <= board[s.SUPPLY]:
+    demand = j[s.KP] * error + j[s.KI] * integral - j[s.KD] * rate
+    if abs(demand) <= board[s.SUPPLY]:
         j[s.INTEGRAL] = integral
-    return asked
+    return demand
 
 
 @njit
-def _duty(board, j, asked, position):
+def _duty(board, j, demand, position):
     """Share of the supply voltage at the bridge's output: limits, switches, PWM levels, dead zone."""
-    duty = min(max(asked / board[s.SUPPLY], -1.0), 1.0)
+    duty = min(max(demand / board[s.SUPPLY], -1.0), 1.0)
     if (duty > 0.0 and position >= j[s.UPPER]) or (duty < 0.0 and position <= j[s.LOWER]):
         return 0.0
     if board[s.LEVELS] > 0.0:
         duty = np.floor(duty * board[s.LEVELS] + 0.5) / board[s.LEVELS]
-    lost = board[s.DEAD_BAND] / board[s.SUPPLY]
-    return np.sign(duty) * max(abs(duty) - lost, 0.0)
+    loss = board[s.DEAD_BAND] / board[s.SUPPLY]
+    return np.sign(duty) * max(abs(duty) - loss, 0.0)
 
 
 @njit
@@ -127,13 +127,13 @@ def _bus(board, joints, velocity):
     """Supply voltage under the load of all bridges, V = V0 - R sum(d i) with i = (d V - K w) / Ra, solved for V."""
     if board[s.SUPPLY_R] == 0.0:
         return board[s.SUPPLY]
-    above, below = board[s.SUPPLY], 1.0
+    numerator, denominator = board[s.SUPPLY], 1.0
     for k in range(joints):
         j = board[s.HEAD + k * s.WIDTH :]
         conductance = board[s.SUPPLY_R] * j[s.DUTY] / j[s.RESISTANCE]
-        above += conductance * j[s.CONSTANT] * velocity[k]
-        below += conductance * j[s.DUTY]
-    return max(above / below, 0.0)
+        numerator += conductance * j[s.CONSTANT] * velocity[k]
+        denominator += conductance * j[s.DUTY]
+    return max(numerator / denominator, 0.0)
 
 
 @njit
@@ -151,9 +151,9 @@ def _row(j, data):
 def _bounds(j, speed):
     """Dry friction against upward and downward motion at this speed and the averaged load."""
     ratio = speed / j[s.STRIBECK_SPEED]
-    more = 1.0 + j[s.STRIBECK] * np.exp(-ratio * ratio)
+    factor = 1.0 + j[s.STRIBECK] * np.exp(-ratio * ratio)
     axial = j[s.LOAD_FRICTION] * abs(j[s.LOAD])
-    return more * j[s.COULOMB_UP] + axial, more * j[s.COULOMB_DOWN] + axial
+    return factor * j[s.COULOMB_UP] + axial, factor * j[s.COULOMB_DOWN] + axial
 
 
 @njit
@@ -209,10 +209,10 @@ def _control(mark):
             j = board[s.HEAD + k * s.WIDTH :]
             speed = velocity[k] / j[s.GEAR]
             if step % period == 0:
-                asked = ctrl[k]
+                demand = ctrl[k]
                 if j[s.SERVO] == 1.0:
-                    asked = _servo(board, j, k, step // period, period * board[s.STEP], asked, qpos)
-                j[s.DUTY] = _duty(board, j, asked, length[k] / j[s.GEAR] + j[s.OFFSET])
+                    demand = _servo(board, j, k, step // period, period * board[s.STEP], demand, qpos)
+                j[s.DUTY] = _duty(board, j, demand, length[k] / j[s.GEAR] + j[s.OFFSET])
             _weigh(board, j, speed)
             j[s.SPEED] = speed
             _rub(j, data, k, speed)
@@ -234,20 +234,20 @@ def _sense(mark):
         if joints == 0:
             return
         board, ctrl, qpos = _numbers(data, USERDATA), _numbers(data, CTRL), _numbers(data, QPOS)
-        torque, solved = _numbers(data, TORQUE), _numbers(data, EFC_FORCE)
+        torque, constraint_force = _numbers(data, TORQUE), _numbers(data, EFC_FORCE)
         for k in range(joints):
             j = board[s.HEAD + k * s.WIDTH :]
             j[s.GIVEN] = torque[k] * j[s.GEAR]
             row = _row(j, data)
             if row >= 0:
                 rising, falling = _bounds(j, j[s.SPEED])
-                j[s.GIVEN] += solved[row] + 0.5 * (falling - rising)
+                j[s.GIVEN] += constraint_force[row] + 0.5 * (falling - rising)
             angle = qpos[int(j[s.HINGE])]
             if j[s.PLAY] >= 0:
                 angle += qpos[int(j[s.PLAY])]
-            shown = _numbers(data, SENSORDATA)[int(board[s.SENSOR]) + k * s.COLUMNS :]
-            shown[s.ANGLE], shown[s.READING] = angle, _seen(j, qpos)
-            shown[s.VOLTS], shown[s.FORCE] = ctrl[k], j[s.FORCE_NOW]
+            outputs = _numbers(data, SENSORDATA)[int(board[s.SENSOR]) + k * s.COLUMNS :]
+            outputs[s.ANGLE], outputs[s.READING] = angle, _angle_read(j, qpos)
+            outputs[s.VOLTS], outputs[s.FORCE] = ctrl[k], j[s.FORCE_NOW]
 
     return sense
 

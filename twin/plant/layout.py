@@ -55,14 +55,16 @@ def fits() -> bool:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pointers = ("qvel", "ctrl", "userdata", "sensordata", "qfrc_passive", "actuator_moment", "actuator_force", "qacc")
-    shown = {
+    addresses = {
         name: getattr(data, name).ctypes.data for name in (*pointers, "efc_frictionloss", "efc_force", "ten_length")
     }
 
     def read(kind: type[ctypes.c_int32] | type[ctypes.c_int64] | type[ctypes.c_size_t], address: int) -> int:
         return kind.from_address(address).value
 
-    same = all(read(ctypes.c_size_t, data._address + offset("mjData", name)) == at for name, at in shown.items())
+    same = all(
+        read(ctypes.c_size_t, data._address + offset("mjData", name)) == address for name, address in addresses.items()
+    )
     counts = [read(ctypes.c_int32, data._address + offset("mjData", name)) for name in ("ne", "nf")]
     users = read(ctypes.c_int64, model._address + offset("mjModel", "nuserdata"))
     return same and counts == [data.ne, data.nf] == [1, 2] and users == model.nuserdata == 5

@@ -22,11 +22,13 @@ LEAST = 1e-9  # [N or N m]
 
 def model_path() -> Path:
     """Path of the MJCF: inside an installed package, or beside it in a checkout."""
-    here = Path(__file__).parents[1]
-    for path in (here / "model" / "qpal.xml", here.parent / "model" / "qpal.xml"):
+    package = Path(__file__).parents[1]
+    for path in (package / "model" / "qpal.xml", package.parent / "model" / "qpal.xml"):
         if path.is_file():
             return path
-    raise FileNotFoundError(f"qpal.xml is neither in {here / 'model'} nor in {here.parent / 'model'}; reinstall qpal")
+    raise FileNotFoundError(
+        f"qpal.xml is neither in {package / 'model'} nor in {package.parent / 'model'}; reinstall qpal"
+    )
 
 
 @checked(late=True)
@@ -96,16 +98,16 @@ def bench_spec(
     spec = _spec(parameters, without, (BENCH_LEG,))
     spec.body("torso").pos[2] = parameters["bench_height"]
     spec.delete(spec.joint("float"))
-    for other in JOINTS:
-        if other not in free:
-            _hold(spec, other, middle(parameters, other))
+    for name in JOINTS:
+        if name not in free:
+            _hold(spec, name, middle(parameters, name))
     for suffix in LEGS.values():
         if suffix != BENCH_LEG:
             spec.delete(spec.body(f"shoulder_hub{suffix}"))
     if realisation == "closed_loop":
-        for each in free:
-            if each != "shoulder":
-                close_loop(spec, parameters, each, BENCH_LEG)
+        for name in free:
+            if name != "shoulder":
+                close_loop(spec, parameters, name, BENCH_LEG)
     add_sensor(spec)
     return spec
 
@@ -246,7 +248,7 @@ def close_loop(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str) -> N
     spec.delete(tendon)
 
 
-def assembled(p: Parameters, joint: str, angle: float) -> tuple[float, float]:
+def loop_positions(p: Parameters, joint: str, angle: float) -> tuple[float, float]:
     """Cylinder hinge [rad] and rod slide [m] at joint `angle` [rad]."""
     triangle = linkage(p, joint)
     base = p[f"{joint}.base_radius"] * np.exp(1j * p[f"{joint}.base_angle"])
@@ -255,5 +257,5 @@ def assembled(p: Parameters, joint: str, angle: float) -> tuple[float, float]:
         # Angles are up positive and joints turn downwards: the rod pin stands at rod_angle - q.
         return p[f"{joint}.rod_radius"] * np.exp(1j * (p[f"{joint}.rod_angle"] - q)) - base
 
-    turned = -np.angle(reach(angle) / reach(0.0))
-    return float(turned), triangle.length(angle) - triangle.length(0.0)
+    rotation = -np.angle(reach(angle) / reach(0.0))
+    return float(rotation), triangle.length(angle) - triangle.length(0.0)

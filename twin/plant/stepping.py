@@ -26,14 +26,14 @@ def boards() -> Iterator[None]:
     from twin.plant import kernels  # compiled code, loaded by those who step
 
     with _lock:
-        before = mujoco.get_mjcb_control(), mujoco.get_mjcb_sensor()
+        former = mujoco.get_mjcb_control(), mujoco.get_mjcb_sensor()
         mujoco.set_mjcb_control(kernels.control.ctypes)
         mujoco.set_mjcb_sensor(kernels.sense.ctypes)
         try:
             yield
         finally:
-            mujoco.set_mjcb_control(before[0])
-            mujoco.set_mjcb_sensor(before[1])
+            mujoco.set_mjcb_control(former[0])
+            mujoco.set_mjcb_sensor(former[1])
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ def step(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> np.
     All runs need the same number of samples, model layout and time step. The result is the same, bit for bit, for any
     number of runs and threads. Raises mujoco.batch.SimulationError if a simulation fails.
     """
-    shown, trouble = attempt(runs, Ts, settle, threads)
+    outputs, trouble = attempt(runs, Ts, settle, threads)
     if any(trouble):
-        failed = [i for i, sentence in enumerate(trouble) if sentence]
-        raise SimulationError(np.array(failed), trouble[failed[0]], len(runs))
-    return shown
+        failures = [i for i, sentence in enumerate(trouble) if sentence]
+        raise SimulationError(np.array(failures), trouble[failures[0]], len(runs))
+    return outputs
 
 
 def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> tuple[np.ndarray, list[str]]:
@@ -74,32 +74,32 @@ def attempt(runs: Sequence[Run], Ts: float, settle: float, threads: int = 1) -> 
     first = runs[0]
     N, joints = first.commands.shape
     h = first.model.opt.timestep
-    per, lead = round(Ts / h), round(settle / h)
+    steps_per_sample, lead = round(Ts / h), round(settle / h)
     batch = Batch(first.model, len(runs), threads)
     if any(run.model is not first.model for run in runs):
         batch.set_models([run.model for run in runs])
     batch.qpos = np.stack([run.qpos for run in runs])
     batch.userdata = np.stack([run.user_data for run in runs])
-    at = lead + (np.arange(N) * Ts + np.stack([run.late for run in runs])) / h
-    at = np.maximum(at, 0.0)
-    below = np.floor(at + 1e-6).astype(int)  # rounding must not take a sample on a step for one before it
-    above = np.clip(at - below, 0.0, 1.0)
-    shown = np.zeros((len(runs), N, joints * slots.COLUMNS))
+    instants = lead + (np.arange(N) * Ts + np.stack([run.late for run in runs])) / h
+    instants = np.maximum(instants, 0.0)
+    previous_step = np.floor(instants + 1e-6).astype(int)  # rounding must not take a sample on a step for one before it
+    fraction = np.clip(instants - previous_step, 0.0, 1.0)
+    outputs = np.zeros((len(runs), N, joints * slots.COLUMNS))
     trouble = [""] * len(runs)
-    total = int(below.max()) + 2
-    block = max(per, BLOCK // (8 * len(runs) * joints * (1 + slots.COLUMNS)))
+    total = int(previous_step.max()) + 2
+    block = max(steps_per_sample, BLOCK // (8 * len(runs) * joints * (1 + slots.COLUMNS)))
     with boards():
         for start in range(0, total, block):
             stop = min(start + block, total)
             ids = [i for i, sentence in enumerate(trouble) if not sentence]
-            commands = np.stack([_commands(runs[i], np.arange(start, stop) - lead, per, h) for i in ids])
+            commands = np.stack([_commands(runs[i], np.arange(start, stop) - lead, steps_per_sample, h) for i in ids])
             rows = _roll(batch, ids, commands, trouble)
-            part = slice(*_span(start, stop, lead, per, N))
-            shown[ids, part] += _take(rows, start, below[ids, part], above[ids, part])
+            part = slice(*_span(start, stop, lead, steps_per_sample, N))
+            outputs[ids, part] += _take(rows, start, previous_step[ids, part], fraction[ids, part])
             if all(trouble):
                 break
-    shown[[sentence != "" for sentence in trouble]] = np.nan
-    return shown.reshape(len(runs), N, joints, slots.COLUMNS), trouble
+    outputs[[sentence != "" for sentence in trouble]] = np.nan
+    return outputs.reshape(len(runs), N, joints, slots.COLUMNS), trouble
 
 
 def _roll(batch: Batch, ids: list[int], commands: np.ndarray, trouble: list[str]) -> np.ndarray:
@@ -116,23 +116,23 @@ def _roll(batch: Batch, ids: list[int], commands: np.ndarray, trouble: list[str]
     return rows
 
 
-def _commands(run: Run, steps: np.ndarray, per: int, h: float) -> np.ndarray:
+def _commands(run: Run, steps: np.ndarray, steps_per_sample: int, h: float) -> np.ndarray:
     """The command (steps, joints) at the board at simulation steps counted from the first sample."""
-    k = (steps - round(run.delay / h)) // per
+    k = (steps - round(run.delay / h)) // steps_per_sample
     return np.where(k[:, None] < 0, run.hold, run.commands[np.clip(k, 0, len(run.commands) - 1)])
 
 
-def _span(start: int, stop: int, lead: int, per: int, N: int) -> tuple[int, int]:
+def _span(start: int, stop: int, lead: int, steps_per_sample: int, N: int) -> tuple[int, int]:
     """Samples that may fall between two simulation steps, plus one on either side."""
-    return max((start - lead) // per - 2, 0), min((stop - lead) // per + 3, N)
+    return max((start - lead) // steps_per_sample - 2, 0), min((stop - lead) // steps_per_sample + 3, N)
 
 
-def _take(rows: np.ndarray, start: int, below: np.ndarray, above: np.ndarray) -> np.ndarray:
+def _take(rows: np.ndarray, start: int, previous_step: np.ndarray, fraction: np.ndarray) -> np.ndarray:
     """The contribution of the steps `rows` (runs, steps, n) from `start` on to the samples, by linear interpolation."""
-    out = np.zeros((*below.shape, rows.shape[2]))
-    for ahead, share in ((0, 1.0 - above), (1, above)):
-        k = below + ahead - start
-        inside = (k >= 0) & (k < rows.shape[1])
-        found = rows[np.arange(len(rows))[:, None], np.where(inside, k, 0)]
-        out += np.where(inside, share, 0.0)[..., None] * found
+    out = np.zeros((*previous_step.shape, rows.shape[2]))
+    for offset, share in ((0, 1.0 - fraction), (1, fraction)):
+        k = previous_step + offset - start
+        in_block = (k >= 0) & (k < rows.shape[1])
+        values = rows[np.arange(len(rows))[:, None], np.where(in_block, k, 0)]
+        out += np.where(in_block, share, 0.0)[..., None] * values
     return out

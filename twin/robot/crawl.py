@@ -15,7 +15,7 @@ from twin.parameters import JOINTS, TABLE, Parameters
 from twin.plant.leg import LEGS, robot
 from twin.robot.gait import Gait, Plan, plan
 from twin.robot.statics import stability_margin
-from twin.robot.walk import Walk, drive, shaped
+from twin.robot.walk import Walk, drive, feedforward_references
 
 CYCLE = 17.7  # [s] of the usual gait
 SPREAD = 0.2  # largest relative difference of a drawn robot's friction and masses from nominal
@@ -142,7 +142,7 @@ class Crawl:
 
 class _Silent:
     def __call__(self, name: str) -> None: ...
-    def part(self, done: float, name: str) -> None: ...
+    def part(self, share: float, name: str) -> None: ...
 
 
 @checked(deferred=("draws", "standing"))
@@ -168,24 +168,24 @@ def run(
     if gait.cycles < 1:
         raise InputError("the crawl has no cycle; give at least one")
     steps("crawl of the robot itself")
-    made = plan(gait, parameters)
-    references = shaped(made, parameters)
-    (walk,) = drive([parameters], references, made.Ts, made.torso[0], [seed], heard=_part(steps, "crawl"))
-    measures = measure(made, walk)
+    target = plan(gait, parameters)
+    references = feedforward_references(target, parameters)
+    (walk,) = drive([parameters], references, target.Ts, target.torso[0], [seed], progress=_part(steps, "crawl"))
+    measures = measure(target, walk)
     steps("standing, with power and without")
-    stood = stand(gait, parameters, standing, seed, heard=_part(steps, "standing"))
+    stand_result = stand(gait, parameters, standing, seed, progress=_part(steps, "standing"))
     steps("robots of other friction and mass")
     changes = [draw(parameters, rng) for rng in np.random.default_rng(seed).spawn(draws)]
     trials: list[Trial] = []
     if draws:
         robots = [parameters.replace(change) for change in changes]
         seeds = [seed + 1 + k for k in range(draws)]
-        heard = _part(steps, f"{draws} robots")
-        walks = drive(robots, references, made.Ts, made.torso[0], seeds, threads=threads, heard=heard)
-        for change, each in zip(changes, walks, strict=True):
-            found = measure(made, each)
-            trials.append(Trial(change, found, fault(made, found)))
-    return Crawl(made, walk, measures, fault(made, measures), stood, tuple(trials), seed)
+        progress = _part(steps, f"{draws} robots")
+        walks = drive(robots, references, target.Ts, target.torso[0], seeds, threads=threads, progress=progress)
+        for change, motion in zip(changes, walks, strict=True):
+            trial_measures = measure(target, motion)
+            trials.append(Trial(change, trial_measures, fault(target, trial_measures)))
+    return Crawl(target, walk, measures, fault(target, measures), stand_result, tuple(trials), seed)
 
 
 def shares(cycles: int, standing: float, draws: int) -> tuple[float, ...]:
@@ -204,17 +204,17 @@ def cycles(steps: int) -> int:
 
 
 def _part(steps: Any, name: str) -> Callable[[float], None]:
-    return lambda done: steps.part(done, name)
+    return lambda share: steps.part(share, name)
 
 
 @checked
 def draw(parameters: Parameters, rng: np.random.Generator) -> dict[str, float]:
     """Friction and masses drawn uniformly within SPREAD of those of `parameters`."""
-    chosen = [row for row in TABLE if row.name.endswith(DRAWN)]
-    factors = rng.uniform(1 - SPREAD, 1 + SPREAD, len(chosen))
+    rows = [row for row in TABLE if row.name.endswith(DRAWN)]
+    factors = rng.uniform(1 - SPREAD, 1 + SPREAD, len(rows))
     return {
         row.name: float(np.clip(factor * parameters[row.name], row.lower, row.upper))
-        for row, factor in zip(chosen, factors, strict=True)
+        for row, factor in zip(rows, factors, strict=True)
     }
 
 
@@ -224,26 +224,26 @@ def stand(
     parameters: Parameters,
     seconds: float,
     seed: int = 1,
-    heard: Callable[[float], None] = lambda done: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Standing:
     """The stance in which a crawl starts, held for `seconds` [s] by the servos, and then without any voltage.
 
-    `heard` receives the completed share, 0 to 1.
+    `progress` receives the completed share, 0 to 1.
     """
-    still = plan(Gait(**(vars(gait) | {"cycles": 0})), parameters)
-    held = np.repeat(still.angles[:1], round(seconds / gait.Ts), axis=0)
-    halves = (lambda done: heard(done / 2.0), lambda done: heard((1.0 + done) / 2.0))
-    on, off = (
-        drive([parameters], held, gait.Ts, still.torso[0], [seed], power=power, heard=half)[0]
+    stance = plan(Gait(**(vars(gait) | {"cycles": 0})), parameters)
+    references = np.repeat(stance.angles[:1], round(seconds / gait.Ts), axis=0)
+    halves = (lambda share: progress(share / 2.0), lambda share: progress((1.0 + share) / 2.0))
+    powered_walk, unpowered_walk = (
+        drive([parameters], references, gait.Ts, stance.torso[0], [seed], power=power, progress=half)[0]
         for power, half in zip((True, False), halves, strict=True)
     )
     return Standing(
         seconds,
-        _sink(on),
-        float(on.tilt.max()),
-        float(on.electrical_power.sum(1).mean()),
-        _sink(off),
-        float(off.tilt.max()),
+        _sink(powered_walk),
+        float(powered_walk.tilt.max()),
+        float(powered_walk.electrical_power.sum(1).mean()),
+        _sink(unpowered_walk),
+        float(unpowered_walk.tilt.max()),
     )
 
 
@@ -252,8 +252,8 @@ def _sink(walk: Walk) -> float:
     return float(walk.torso[0, 2] - walk.torso[:, 2].min())
 
 
-def measure(made: Plan, walk: Walk) -> Measures:
-    """The measures of a walk that followed `made`."""
+def measure(target: Plan, walk: Walk) -> Measures:
+    """The measures of a walk that followed `target`."""
     feet, turns, centre = walk.places
     way, seconds = walk.torso[-1] - walk.torso[0], len(walk.qpos) * walk.Ts
     power = walk.electrical_power.sum(axis=1)
@@ -264,12 +264,12 @@ def measure(made: Plan, walk: Walk) -> Measures:
         sideways=float(way[1]),
         turn=float(walk.heading[-1] - walk.heading[0]),
         seconds=seconds,
-        margin=float(margins(made, feet, centre).min()),
+        margin=float(margins(target, feet, centre).min()),
         tilt=float(walk.tilt.max()),
         height=(float(walk.torso[:, 2].min()), float(walk.torso[:, 2].max())),
-        tracking=tuple(np.sqrt(np.mean((walk.angles - made.angles) ** 2, axis=0)).tolist()),
-        slip=_slip(made, feet, turns),
-        clearance=_clearance(made, feet),
+        tracking=tuple(np.sqrt(np.mean((walk.angles - target.angles) ** 2, axis=0)).tolist()),
+        slip=_slip(target, feet, turns),
+        clearance=_clearance(target, feet),
         power=mean,
         peak_power=float(power.max()),
         peak_voltage=float(np.abs(walk.volts).max()),
@@ -277,50 +277,50 @@ def measure(made: Plan, walk: Walk) -> Measures:
     )
 
 
-def margins(made: Plan, feet: np.ndarray, centre: np.ndarray) -> np.ndarray:
+def margins(target: Plan, feet: np.ndarray, centre: np.ndarray) -> np.ndarray:
     """Margin of stability (N,) [m] over the feet (N, 4, 3) that stand in the plan."""
-    rows = zip(centre, feet, made.stance, strict=True)
-    return np.array([stability_margin(c[:2], f[standing, :2]) for c, f, standing in rows])
+    rows = zip(centre, feet, target.stance, strict=True)
+    return np.array([stability_margin(c[:2], f[stance, :2]) for c, f, stance in rows])
 
 
-def _phases(standing: np.ndarray) -> list[tuple[int, int]]:
+def _phases(state: np.ndarray) -> list[tuple[int, int]]:
     """Intervals in which a foot's state (N,) is true: first sample and sample after the last."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], standing, [False]]).astype(int)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], state, [False]]).astype(int)))
     return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _slip(made: Plan, feet: np.ndarray, turns: np.ndarray) -> float:
+def _slip(target: Plan, feet: np.ndarray, turns: np.ndarray) -> float:
     """Largest slip [m] of a foot's contact while it stands in the plan. The foot is a ball: its centre may move without
     slip as it rolls, v = w x r."""
-    radius = float(made.feet[0, 0, 2])
+    radius = float(target.feet[0, 0, 2])
     spin = turns[1:] @ np.swapaxes(turns[:-1], -1, -2)  # (N-1, 4, 3, 3), turns so small that their sine is the angle
-    rolled = radius * np.stack([spin[..., 0, 2] - spin[..., 2, 0], spin[..., 1, 2] - spin[..., 2, 1]], axis=-1) / 2
-    over = np.concatenate([np.zeros((1, 4, 2)), np.diff(feet[..., :2], axis=0) - rolled]).cumsum(axis=0)
+    roll = radius * np.stack([spin[..., 0, 2] - spin[..., 2, 0], spin[..., 1, 2] - spin[..., 2, 1]], axis=-1) / 2
+    slip_path = np.concatenate([np.zeros((1, 4, 2)), np.diff(feet[..., :2], axis=0) - roll]).cumsum(axis=0)
     ways = [
-        np.linalg.norm(over[start:stop, k] - over[start, k], axis=-1).max()
+        np.linalg.norm(slip_path[start:stop, k] - slip_path[start, k], axis=-1).max()
         for k in range(4)
-        for start, stop in _phases(made.stance[:, k])
+        for start, stop in _phases(target.stance[:, k])
     ]
     return float(max(ways))
 
 
-def _clearance(made: Plan, feet: np.ndarray) -> float:
+def _clearance(target: Plan, feet: np.ndarray) -> float:
     """Lowest peak [m] over the floor of a foot in swing."""
-    radius = float(made.feet[0, 0, 2])
-    peaks = [feet[a:b, k, 2].max() for k in range(4) for a, b in _phases(~made.stance[:, k])]
+    radius = float(target.feet[0, 0, 2])
+    peaks = [feet[a:b, k, 2].max() for k in range(4) for a, b in _phases(~target.stance[:, k])]
     return float(min(peaks) - radius)
 
 
-def fault(made: Plan, found: Measures) -> str:
+def fault(target: Plan, measures: Measures) -> str:
     """Why a walk failed, in words; "" if it did not."""
     faults: Sequence[tuple[bool, str]] = (
-        (found.tilt > FALLEN, f"it fell: the torso tilted by {np.degrees(found.tilt):.0f} deg"),
-        (found.height[0] < 0.5 * made.gait.height, f"the torso went down to {found.height[0]:.2f} m"),
-        (found.margin <= 0, f"the centre of mass left its support by {-1000 * found.margin:.0f} mm"),
-        (found.clearance <= 0, "a foot did not leave the floor"),
+        (measures.tilt > FALLEN, f"it fell: the torso tilted by {np.degrees(measures.tilt):.0f} deg"),
+        (measures.height[0] < 0.5 * target.gait.height, f"the torso went down to {measures.height[0]:.2f} m"),
+        (measures.margin <= 0, f"the centre of mass left its support by {-1000 * measures.margin:.0f} mm"),
+        (measures.clearance <= 0, "a foot did not leave the floor"),
         (
-            found.forward < LEAST_WAY * made.advance,
-            f"it walked {found.forward:.3f} m of {made.advance:.3f} m",
+            measures.forward < LEAST_WAY * target.advance,
+            f"it walked {measures.forward:.3f} m of {target.advance:.3f} m",
         ),
     )
     return "; ".join(sentence for wrong, sentence in faults if wrong)

@@ -142,8 +142,8 @@ def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan
     pieces = [_Move("stand", np.repeat(torso[None], rest, 0), np.repeat(feet[None], rest, 0), np.ones(4, dtype=bool))]
     load, need = np.zeros(12), np.zeros(12)
     for move in _moves(gait, torso, feet):
-        timed, loads, needs = _timed(move, gait, shape, statics, rest)
-        pieces.append(timed)
+        sample, loads, needs = _time_move(move, gait, shape, statics, rest)
+        pieces.append(sample)
         load, need = np.maximum(load, loads), np.maximum(need, needs)
     starts = np.cumsum([0] + [len(piece.torso) for piece in pieces])
     torsos, feet = (np.concatenate([getattr(piece, name) for piece in pieces]) for name in ("torso", "feet"))
@@ -164,25 +164,25 @@ def plan(gait: Gait | None = None, parameters: Parameters | None = None) -> Plan
 def _moves(gait: Gait, torso: np.ndarray, feet: np.ndarray) -> Iterator[_Move]:
     """All moves of the crawl, each from the end of the previous one."""
     way = np.array([gait.stride, 0.0, 0.0])
-    everyone = np.ones(4, dtype=bool)
+    all_feet = np.ones(4, dtype=bool)
     path = np.linspace(0.0, 1.0, POINTS)
     for phase in range(2 * gait.cycles):
         side = 1.0 if phase % 2 else -1.0  # first over the right side, while the left legs step
         target = np.array([gait.stride / 2 * phase, side * gait.sway, gait.height])
-        yield _shift("body moves", torso, target, feet, everyone)
+        yield _shift("body moves", torso, target, feet, all_feet)
         torso = target
         for leg in ORDER[phase % 2]:
             k = tuple(LEGS).index(leg)
             swing = np.repeat(feet[None], POINTS, axis=0)
-            along = _ramp(np.clip((path - 0.25) / 0.5, 0, 1))[:, None]
-            swing[:, k] += along * way
+            advance = _ramp(np.clip((path - 0.25) / 0.5, 0, 1))[:, None]
+            swing[:, k] += advance * way
             swing[:, k, 2] += gait.lift * np.sin(np.pi * path) ** 2
-            stance = everyone.copy()
+            stance = all_feet.copy()
             stance[k] = False
             yield _Move(leg.replace("_", " "), np.repeat(torso[None], POINTS, axis=0), swing, stance)
             feet = swing[-1]
     if gait.cycles:
-        yield _shift("body moves", torso, np.array([gait.stride * gait.cycles, 0.0, gait.height]), feet, everyone)
+        yield _shift("body moves", torso, np.array([gait.stride * gait.cycles, 0.0, gait.height]), feet, all_feet)
 
 
 def _shift(name: str, start: np.ndarray, stop: np.ndarray, feet: np.ndarray, stance: np.ndarray) -> _Move:
@@ -195,7 +195,9 @@ def _ramp(s: np.ndarray) -> np.ndarray:
     return s * s * (3 - 2 * s)
 
 
-def _timed(move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int) -> tuple[_Move, np.ndarray, np.ndarray]:
+def _time_move(
+    move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int
+) -> tuple[_Move, np.ndarray, np.ndarray]:
     """The move sampled at Ts, then a rest, as fast as its slowest actuator allows; loads and required forces (12,)."""
     s = np.linspace(0.0, 1.0, len(move.torso))
     angles = shape.angles(move.torso, move.feet)
@@ -203,9 +205,9 @@ def _timed(move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int) ->
     speed = np.gradient(way, s, axis=0)
     loads = np.array([statics.loads(*row, move.stance) for row in zip(move.torso, angles, strict=True)])
     need = statics.needs(loads, CREEP * np.sign(np.where(np.abs(speed) > STILL, speed, 0.0)))
-    allowed = statics.speeds(need, gait.effort)
-    if np.any(allowed <= 0):
-        k, j = np.unravel_index(int(np.argmin(allowed)), allowed.shape)
+    limit = statics.speeds(need, gait.effort)
+    if np.any(limit <= 0):
+        k, j = np.unravel_index(int(np.argmin(limit)), limit.shape)
         unit = "N m" if statics.names[j].startswith("shoulder") else "N"
         raise InputError(
             f"at {move.name!r} actuator {statics.names[j]} needs {need[k, j]:.3g} {unit} and has "
@@ -213,14 +215,16 @@ def _timed(move: _Move, gait: Gait, shape: Body, statics: Statics, rest: int) ->
             "raise the body, bring the feet in, or give more effort"
         )
     # The slowest actuator runs at its available speed along the whole path; only the ends are smoothed.
-    pace = np.max(np.abs(speed) / allowed, axis=1)  # [s] per path
+    pace = np.max(np.abs(speed) / limit, axis=1)  # [s] per path
     at_s = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) * np.diff(s))])
     n = max(1, int(np.ceil(at_s[-1] / gait.Ts)))
-    at = np.interp(np.arange(1, n + rest + 1) * gait.Ts, at_s, s)
-    torso, feet = _resampled(at, s, move.torso), _resampled(at, s, move.feet)
+    places = np.interp(np.arange(1, n + rest + 1) * gait.Ts, at_s, s)
+    torso, feet = _resample(places, s, move.torso), _resample(places, s, move.feet)
     return _Move(move.name, torso, feet, move.stance, rest), np.abs(loads).max(0), need.max(0)
 
 
-def _resampled(at: np.ndarray, s: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _resample(places: np.ndarray, s: np.ndarray, values: np.ndarray) -> np.ndarray:
     flat = values.reshape(len(s), -1)
-    return np.stack([np.interp(at, s, column) for column in flat.T], axis=-1).reshape(len(at), *values.shape[1:])
+    return np.stack([np.interp(places, s, column) for column in flat.T], axis=-1).reshape(
+        len(places), *values.shape[1:]
+    )

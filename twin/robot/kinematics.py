@@ -30,8 +30,8 @@ class Leg:
         """Foot (..., 3) [m] at joint angles (..., 3) [rad]."""
         yaw, thigh, shank = np.moveaxis(np.asarray(angles, dtype=float), -1, 0)
         out = self.hip + self.thigh * np.cos(thigh) - self.shank * np.sin(thigh + shank)
-        up = -self.thigh * np.sin(thigh) - self.shank * np.cos(thigh + shank)
-        return np.stack([out * np.cos(yaw), out * np.sin(yaw), up], axis=-1)
+        height = -self.thigh * np.sin(thigh) - self.shank * np.cos(thigh + shank)
+        return np.stack([out * np.cos(yaw), out * np.sin(yaw), height], axis=-1)
 
     def angles(self, foot: np.ndarray) -> np.ndarray:
         """Joint angles (..., 3) [rad] that put the foot at (..., 3) [m], with the knee outside and the leg not crossed.
@@ -41,9 +41,9 @@ class Leg:
         foot = np.asarray(foot, dtype=float)
         x, y, z = np.moveaxis(foot, -1, 0)
         side = np.where(x < 0, -1.0, 1.0)  # a foot beyond the shoulder's axis: |yaw| stays below 90 degrees
-        out, down = side * np.hypot(x, y) - self.hip, -z
+        out, drop = side * np.hypot(x, y) - self.hip, -z
         # Law of cosines in the triangle thigh, shank, distance; at shank angle 0 the knee encloses a right angle.
-        sine = (self.thigh**2 + self.shank**2 - out**2 - down**2) / (2 * self.thigh * self.shank)
+        sine = (self.thigh**2 + self.shank**2 - out**2 - drop**2) / (2 * self.thigh * self.shank)
         if np.any(np.abs(sine) > 1):
             k = int(np.argmax(np.abs(sine).ravel()))
             raise InputError(
@@ -51,19 +51,19 @@ class Leg:
                 f"{abs(self.thigh - self.shank):.3f} and {self.thigh + self.shank:.3f} m from the thigh's axis"
             )
         shank = np.arcsin(sine)
-        thigh = np.arctan2(down, out) - np.arctan2(self.shank * np.cos(shank), self.thigh - self.shank * sine)
+        thigh = np.arctan2(drop, out) - np.arctan2(self.shank * np.cos(shank), self.thigh - self.shank * sine)
         result = np.stack([np.arctan2(side * y, side * x), thigh, shank], axis=-1)
         self._check(foot, result)
         return result
 
     def _check(self, foot: np.ndarray, angles: np.ndarray) -> None:
-        beyond = np.maximum(self.lower - angles, angles - self.upper)
-        if np.all(beyond <= 1e-12):
+        excess = np.maximum(self.lower - angles, angles - self.upper)
+        if np.all(excess <= 1e-12):
             return
-        k, j = np.unravel_index(int(np.argmax(beyond)), (beyond.size // 3, 3))
-        low, high, found = (np.degrees(v) for v in (self.lower[j], self.upper[j], angles.reshape(-1, 3)[k, j]))
+        k, j = np.unravel_index(int(np.argmax(excess)), (excess.size // 3, 3))
+        low, high, angle = (np.degrees(v) for v in (self.lower[j], self.upper[j], angles.reshape(-1, 3)[k, j]))
         raise InputError(
-            f"a foot {_point(foot, int(k))} from its shoulder needs the {JOINTS[j]} at {found:.1f} deg; its travel is "
+            f"a foot {_point(foot, int(k))} from its shoulder needs the {JOINTS[j]} at {angle:.1f} deg; its travel is "
             f"{low:.1f} to {high:.1f} deg, so move the foot or change the height of the body"
         )
 

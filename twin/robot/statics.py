@@ -26,10 +26,10 @@ class Statics:
         self._linkages = {joint: linkage(parameters, joint) for joint in JOINTS if joint != "shoulder"}
         motors = {joint: motor(parameters, joint) for joint in JOINTS}
         frictions = {joint: dry_friction(parameters, joint) for joint in JOINTS}
-        self._per_volt = _each(lambda joint: motors[joint].force_per_volt)
+        self._per_volt = _per_actuator(lambda joint: motors[joint].force_per_volt)
         self._dead_band = parameters["dead_band"]
         self.stall = self._per_volt * parameters["supply_voltage"]
-        self._damping = _each(lambda joint: motors[joint].damping + parameters[f"{joint}.viscous"])
+        self._damping = _per_actuator(lambda joint: motors[joint].damping + parameters[f"{joint}.viscous"])
         self._up, self._down, self._stribeck, self._fade, self._per_load = (
             np.tile([getattr(frictions[joint], name) for joint in JOINTS], len(LEGS))
             for name in ("up", "down", "stribeck", "stribeck_speed", "load")
@@ -61,9 +61,9 @@ class Statics:
         for site, stands in zip(self._feet, stance, strict=True):
             mujoco.mj_jacSite(self._model, data, jacobian, None, site)
             rows.append(jacobian[2] * float(stands))
-        up = np.array(rows)  # (4, nv): generalised forces of one newton under each foot
-        forces = np.linalg.lstsq(up[:, GRAVITY_ROWS].T, gravity[GRAVITY_ROWS], rcond=None)[0]
-        return (gravity - up.T @ forces)[self._dofs] / self._arms(angles)
+        lift = np.array(rows)  # (4, nv): generalised forces of one newton under each foot
+        forces = np.linalg.lstsq(lift[:, GRAVITY_ROWS].T, gravity[GRAVITY_ROWS], rcond=None)[0]
+        return (gravity - lift.T @ forces)[self._dofs] / self._arms(angles)
 
     def needs(self, loads: np.ndarray, speed: np.ndarray) -> np.ndarray:
         """Actuator force (..., 12) in the direction of `speed` (..., 12) [m/s or rad/s] that moves `loads`
@@ -94,7 +94,7 @@ class Statics:
         return arms.ravel()
 
 
-def _each(value: Callable[[str], float]) -> np.ndarray:
+def _per_actuator(value: Callable[[str], float]) -> np.ndarray:
     """The value of each joint (12,), leg by leg."""
     return np.tile([float(value(joint)) for joint in JOINTS], len(LEGS))
 

@@ -63,7 +63,8 @@ class Walk:
         """Power (N, 12) [W] of each motor, V i with i = (V - K w) / R; no power returns to the supply."""
         circuits = robot_circuits(self.parameters)
         constant, gear, resistance = (
-            np.array([getattr(each.motor, name) for each in circuits]) for name in ("constant", "gear", "resistance")
+            np.array([getattr(joint_circuit.motor, name) for joint_circuit in circuits])
+            for name in ("constant", "gear", "resistance")
         )
         return np.maximum(self.volts * (self.volts - constant * gear * self.speeds) / resistance, 0.0)
 
@@ -92,13 +93,13 @@ def drive(
     seeds: Sequence[int],
     power: bool = True,
     threads: int = 1,
-    heard: Callable[[float], None] = lambda done: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> list[Walk]:
     """The motions of robots with these parameters for one set of references (N, 12) [rad], each held for `Ts` [s].
 
     They start at rest with the first reference and a level torso at (3,) [m]; `seeds`, one per robot, draw the noise
-    of the servos' potentiometers. Without `power` no motor gets a voltage. `heard` receives the completed share, 0 to
-    1.
+    of the servos' potentiometers. Without `power` no motor gets a voltage. `progress` receives the completed share, 0
+    to 1.
     """
     models = [robot(parameters) for parameters in robots]
     first = models[0]
@@ -108,24 +109,24 @@ def drive(
     batch.qpos = np.stack([_pose(model, torso, references[0]) for model in models])
     every = zip(models, circuits, seeds, strict=True)
     batch.userdata = np.stack([user_data(model, row, servo=power, seed=seed) for model, row, seed in every])
-    scales = np.array([[each.pot.scale for each in row] for row in circuits])
-    per, late = round(Ts / TIMESTEP), [round(parameters["delay"] / TIMESTEP) for parameters in robots]
+    scales = np.array([[joint_circuit.pot.scale for joint_circuit in row] for row in circuits])
+    steps_per_sample, delays = round(Ts / TIMESTEP), [round(parameters["delay"] / TIMESTEP) for parameters in robots]
     rows: dict[str, list[np.ndarray]] = {"qpos": [], "sensordata": [], "actuator_velocity": []}
     settle = round(SETTLE / Ts)
     with boards():
         for k in range(-settle, len(references)):
             # The servo's command has the transport delay too: the previous reference still arrives first.
-            held = [np.where(np.arange(per) < n, max(k - 1, 0), max(k, 0)) for n in late]
-            commands = np.stack([references[index] * scale for index, scale in zip(held, scales, strict=True)])
-            found = batch.rollout(per, commands if power else np.zeros_like(commands), record=tuple(rows))
+            indices = [np.where(np.arange(steps_per_sample) < n, max(k - 1, 0), max(k, 0)) for n in delays]
+            commands = np.stack([references[index] * scale for index, scale in zip(indices, scales, strict=True)])
+            sample = batch.rollout(steps_per_sample, commands if power else np.zeros_like(commands), record=tuple(rows))
             if k >= 0:
-                for name, kept in rows.items():
-                    kept.append(found[name][:, -1])
-            heard((k + settle + 1) / (settle + len(references)))
-    stacked = {name: np.stack(kept, axis=1) for name, kept in rows.items()}
+                for name, values in rows.items():
+                    values.append(sample[name][:, -1])
+            progress((k + settle + 1) / (settle + len(references)))
+    arrays = {name: np.stack(values, axis=1) for name, values in rows.items()}
     gears = first.actuator_gear[:, 0]
     return [
-        _walk(parameters, Ts, references, {name: values[i] for name, values in stacked.items()}, gears)
+        _walk(parameters, Ts, references, {name: values[i] for name, values in arrays.items()}, gears)
         for i, parameters in enumerate(robots)
     ]
 
@@ -133,9 +134,9 @@ def drive(
 def _walk(
     parameters: Parameters, Ts: float, references: np.ndarray, rows: dict[str, np.ndarray], gears: np.ndarray
 ) -> Walk:
-    shown = rows["sensordata"].reshape(len(references), -1, slots.COLUMNS)
+    outputs = rows["sensordata"].reshape(len(references), -1, slots.COLUMNS)
     speeds = rows["actuator_velocity"] / gears
-    angles, volts = shown[:, :, slots.ANGLE], shown[:, :, slots.VOLTS]
+    angles, volts = outputs[:, :, slots.ANGLE], outputs[:, :, slots.VOLTS]
     return Walk(parameters, Ts, references, rows["qpos"], angles, volts, speeds)
 
 
@@ -151,7 +152,7 @@ STILL = 1e-5  # [m/s or rad/s] below this an actuator is at rest
 KEPT = 0.2  # [s] for which the feed-forward continues after the plan is at rest, until the joint arrives
 
 
-def shaped(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
+def feedforward_references(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
     """References (N, 12) [rad] for robots with `parameters` to follow the plan's angles."""
     parameters = parameters or Parameters()
     model = robot(parameters)
@@ -164,15 +165,15 @@ def shaped(plan: Plan, parameters: Parameters | None = None) -> np.ndarray:
     scale = potentiometer(parameters).scale
     gains = np.tile([parameters[f"{joint}.servo_kp"] * scale for joint in JOINTS], len(LEGS))  # [V/rad]
     lead = np.divide(volts, gains, out=np.zeros_like(volts), where=gains > 0)
-    return plan.angles + _kept(lead, round(KEPT / plan.Ts))
+    return plan.angles + _hold_last(lead, round(KEPT / plan.Ts))
 
 
-def _kept(lead: np.ndarray, samples: int) -> np.ndarray:
+def _hold_last(lead: np.ndarray, samples: int) -> np.ndarray:
     """The feed-forward with each last value before zeros held for up to `samples` of them."""
     out = lead.copy()
     for _ in range(samples):
-        late = np.roll(out, 1, axis=0)
-        late[0] = 0.0
+        previous = np.roll(out, 1, axis=0)
+        previous[0] = 0.0
         # one sample further each time, never over the start of the next feed-forward
-        out = np.where(out == 0.0, late, out)
+        out = np.where(out == 0.0, previous, out)
     return out
