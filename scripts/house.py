@@ -17,6 +17,8 @@ import sys
 import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -120,7 +122,8 @@ def _identify(csv: Path, out: Path) -> None:
     shutil.rmtree(out, ignore_errors=True)
     before, sys.argv = sys.argv, ["qpal", "identify", str(csv), "--structure", "hammerstein_wiener", "--out", str(out)]
     try:
-        main()
+        with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+            main()
     except SystemExit as end:
         if end.code:
             raise RuntimeError(f"qpal identify ended with {end.code}") from None
