@@ -78,7 +78,8 @@ def entered(walk: Callable[[], object]) -> set[str]:
     finally:
         sys.setprofile(None)
     packages = [f"{ROOT / name}/" for name in PACKAGES]
-    return {str(Path(name).relative_to(ROOT)) for name in files if name.startswith(tuple(packages))}
+    sources_entered = (name for name in files if name.startswith(tuple(packages)) and name.endswith(".py"))
+    return {str(Path(name).relative_to(ROOT)) for name in sources_entered}
 
 
 def walks(folder: Path) -> dict[str, Callable[[], object]]:
