@@ -38,21 +38,21 @@ def butterworth(
         raise unknown("filter", kind, KINDS)
     edges = np.atleast_1d(np.asarray(cutoff, dtype=float))
     half = 0.5 / data.Ts
-    wanted = 2 if kind in ("band", "stop") else 1
+    edge_count = 2 if kind in ("band", "stop") else 1
     lowest = LOWEST * half
-    if edges.shape != (wanted,) or not np.all((edges >= lowest) & (edges < half)) or np.any(np.diff(edges) <= 0):
+    if edges.shape != (edge_count,) or not np.all((edges >= lowest) & (edges < half)) or np.any(np.diff(edges) <= 0):
         raise InputError(
-            f"cutoff is {cutoff} Hz for a {kind} filter; give {wanted} frequency(ies) from {lowest:g} Hz to below "
+            f"cutoff is {cutoff} Hz for a {kind} filter; give {edge_count} frequency(ies) from {lowest:g} Hz to below "
             f"{half:g} Hz, half the sampling rate, in rising order"
         )
     if not 1 <= order <= ORDER:
         raise InputError(f"order is {order}; give a whole number from 1 to {ORDER:,}")
-    sos = butter(order, edges if wanted == 2 else edges[0], KINDS[kind], fs=1.0 / data.Ts, output="sos")
+    sos = butter(order, edges if edge_count == 2 else edges[0], KINDS[kind], fs=1.0 / data.Ts, output="sos")
     parts = [(_run(sos, e.u, causal), _run(sos, e.y, causal)) for e in data.experiments]
     u, y = (np.concatenate([p[i] for p in parts]) for i in (0, 1))
     way = "causal, the same delay on both" if causal else "forward and backward, without delay"
-    shown = " to ".join(f"{f:g}" for f in edges)
-    sentence = f"{KINDS[kind]} Butterworth of order {order} at {shown} Hz on u and y, {way}"
+    edges_in_words = " to ".join(f"{f:g}" for f in edges)
+    sentence = f"{KINDS[kind]} Butterworth of order {order} at {edges_in_words} Hz on u and y, {way}"
     if data.missing is not None:
         sentence += f"; {int(data.missing.sum())} missing outputs replaced by straight lines"
     return Filtered(replace(data, u=u, y=y), sentence)

@@ -44,28 +44,30 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
             raise InputError(f"{table[name].shape[1]} columns are named {name!r}; give each a name of its own")
     if not len(table):
         raise InputError("the table has no rows; give one with at least 2")
-    several = getattr(table.index, "nlevels", 1)
-    if several > 2:
-        raise InputError(f"the index has {several} levels; give one of times, or experiment and time")
+    index_levels = getattr(table.index, "nlevels", 1)
+    if index_levels > 2:
+        raise InputError(f"the index has {index_levels} levels; give one of times, or experiment and time")
     lengths = [len(table)]
-    if several == 2:
-        of = np.asarray(table.index.codes[0])
-        cuts = np.flatnonzero(np.diff(of)) + 1
-        if len(np.unique(of)) != len(cuts) + 1:
+    if index_levels == 2:
+        codes = np.asarray(table.index.codes[0])
+        cuts = np.flatnonzero(np.diff(codes)) + 1
+        if len(np.unique(codes)) != len(cuts) + 1:
             raise InputError("the rows of an experiment are not in one piece; sort the table by its index first")
         lengths = np.diff([0, *cuts, len(table)]).tolist()
-    stamps = table.index.get_level_values(several - 1)
+    stamps = table.index.get_level_values(index_levels - 1)
     if type(stamps).__name__ == "PeriodIndex":
         stamps = stamps.to_timestamp()  # the start of each period
     if getattr(stamps, "tz", None) is not None:
         stamps = stamps.tz_convert(None)
-    counts = several == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
+    counts = index_levels == 1 and type(stamps).__name__ == "RangeIndex"  # rows that nobody gave a time
     units = table.attrs.get("units") or {}
     if not isinstance(units, Mapping):
         raise InputError(f'attrs["units"] is {short_text(units)}; give a dict: the unit of each column by its name')
-    said = None if counts else (np.asarray(stamps.infer_objects()), "the index", stamps.name, units.get(stamps.name))
+    row_times = (
+        None if counts else (np.asarray(stamps.infer_objects()), "the index", stamps.name, units.get(stamps.name))
+    )
     values = {name: table[name].to_numpy() for name in (*input, *output)}
-    return _arguments(values, input, output, _sampling_time(said, Ts, lengths), units, tuple(lengths))
+    return _arguments(values, input, output, _sampling_time(row_times, Ts, lengths), units, tuple(lengths))
 
 
 def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
@@ -84,20 +86,20 @@ def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict
                 f"{name!r} has the dimensions {table[name].dims}; give variables of the same one dimension"
             )
     (axis,) = table[names[0]].dims
-    said = None
+    row_times = None
     if axis in table.coords:
-        said = table[axis].to_numpy(), f"the coordinate {axis!r}", axis, table[axis].attrs.get("units")
+        row_times = table[axis].to_numpy(), f"the coordinate {axis!r}", axis, table[axis].attrs.get("units")
     units = {name: table[name].attrs.get("units") for name in names}
     values = {name: table[name].to_numpy() for name in names}
     lengths = (len(values[names[0]]),)
     if not lengths[0]:
         raise InputError(f"the dimension {axis!r} has no values; give a dataset with at least 2")
-    return _arguments(values, input, output, _sampling_time(said, Ts, lengths), units, lengths)
+    return _arguments(values, input, output, _sampling_time(row_times, Ts, lengths), units, lengths)
 
 
-def _check_kind(table: Any, wanted: str, has: Sequence[str]) -> None:
+def _check_kind(table: Any, kind_name: str, has: Sequence[str]) -> None:
     if isinstance(table, type) or not all(hasattr(table, name) for name in has):
-        raise InputError(f"the table is {short_text(table)}; give a {wanted}")
+        raise InputError(f"the table is {short_text(table)}; give a {kind_name}")
 
 
 def _check_named(input: Sequence[str], output: Sequence[str]) -> None:
@@ -116,8 +118,10 @@ def to_pandas(data: Any) -> Any:
     pieces = [np.arange(n) * data.Ts for n in data.lengths]
     index = pandas.Index(pieces[0], name="time")
     if len(pieces) > 1:
-        of = np.repeat(np.arange(1, len(pieces) + 1), data.lengths)
-        index = pandas.MultiIndex.from_arrays([of, np.concatenate(pieces)], names=["experiment", "time"])
+        experiment_numbers = np.repeat(np.arange(1, len(pieces) + 1), data.lengths)
+        index = pandas.MultiIndex.from_arrays(
+            [experiment_numbers, np.concatenate(pieces)], names=["experiment", "time"]
+        )
     table = pandas.DataFrame(values, index=index)
     table.attrs["units"] = {"time": "s", **units}
     return table
@@ -140,9 +144,9 @@ def _recorded(data: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     y = np.where(data.observed, data.y + data.y_offset, np.nan)
     for array, name, unit in ((data.u + data.u_offset, data.u_name, data.u_unit), (y, data.y_name, data.y_unit)):
         for k, column in enumerate(array.T):
-            own = name if array.shape[1] == 1 else f"{name}{k + 1}"
-            own = own if own not in values else f"{own} (output)"
-            values[own], units[own] = column, unit
+            channel_name = name if array.shape[1] == 1 else f"{name}{k + 1}"
+            channel_name = channel_name if channel_name not in values else f"{channel_name} (output)"
+            values[channel_name], units[channel_name] = column, unit
     return values, units
 
 
@@ -155,13 +159,13 @@ def _arguments(
     lengths: tuple[int, ...],
 ) -> dict[str, Any]:
     u, y = (np.column_stack([_floats(values[n], n) for n in names]) for names in (input, output))
-    lost = np.isnan(y)
-    found = {"u": u, "y": y, "Ts": Ts, "missing": lost if lost.any() else None, "lengths": lengths}
+    is_missing = np.isnan(y)
+    arguments = {"u": u, "y": y, "Ts": Ts, "missing": is_missing if is_missing.any() else None, "lengths": lengths}
     for role, names, default in (("u", input, "u"), ("y", output, "y")):
-        found[f"{role}_name"] = str(names[0]) if len(names) == 1 else default
-        said = {str(units.get(name) or "") for name in names}
-        found[f"{role}_unit"] = said.pop() if len(said) == 1 else ""
-    return found
+        arguments[f"{role}_name"] = str(names[0]) if len(names) == 1 else default
+        unit_names = {str(units.get(name) or "") for name in names}
+        arguments[f"{role}_unit"] = unit_names.pop() if len(unit_names) == 1 else ""
+    return arguments
 
 
 def _floats(column: np.ndarray, name: str) -> np.ndarray:
@@ -181,9 +185,9 @@ def _seconds(stamps: np.ndarray, where: str, name: object, unit: object) -> np.n
         return stamps / np.timedelta64(1, "ns") * 1e-9
     if stamps.dtype.kind in "iuf":
         in_name = IN_NAME.search(str(name))
-        told = str(unit or "").split() or ([in_name[1]] if in_name else [])
-        if told and told[0].lower() not in SECONDS:  # also of `seconds since 2000-01-01`
-            raise InputError(f"{where} is in {told[0]!r}; convert it to seconds, and its name or units too")
+        unit_words = str(unit or "").split() or ([in_name[1]] if in_name else [])
+        if unit_words and unit_words[0].lower() not in SECONDS:  # also of `seconds since 2000-01-01`
+            raise InputError(f"{where} is in {unit_words[0]!r}; convert it to seconds, and its name or units too")
         if len(stamps) and np.abs(stamps[0]) > LATEST:
             raise InputError(f"{where} begins at {stamps[0]:g}, which are no seconds since 1970; convert it to seconds")
         return stamps.astype(float)
@@ -191,14 +195,14 @@ def _seconds(stamps: np.ndarray, where: str, name: object, unit: object) -> np.n
 
 
 def _sampling_time(
-    said: tuple[np.ndarray, str, object, object] | None, Ts: float | None, lengths: Sequence[int]
+    row_times: tuple[np.ndarray, str, object, object] | None, Ts: float | None, lengths: Sequence[int]
 ) -> float:
-    """The sampling time that what is `said` of the rows gives: stamps, where they stand, their name and unit; or Ts."""
-    if said is None:
+    """The sampling time of `row_times` (stamps, where they stand, their name and unit), or Ts."""
+    if row_times is None:
         return _step(None, Ts, lengths)
-    stamps, where = said[:2]
+    stamps, where = row_times[:2]
     if Ts is None or stamps.dtype.kind not in "iub":
-        return _step(_seconds(*said), Ts, lengths)
+        return _step(_seconds(*row_times), Ts, lengths)
     ends = np.cumsum(lengths)[:-1]
     steps = np.concatenate([np.diff(piece.astype(float)) for piece in np.split(stamps, ends)])  # numbers of rows
     if len(steps) and not (steps[0] > 0 and np.all(steps == steps[0])):
@@ -223,21 +227,22 @@ def _step(times: np.ndarray | None, Ts: float | None, lengths: Sequence[int]) ->
     steps = np.concatenate([np.diff(piece) for piece in pieces])
     if not len(steps) or not np.all(np.isfinite(steps)):
         raise InputError("the index has fewer than two times; give Ts, the sampling time in seconds")
-    found = float(np.mean([(p[-1] - p[0]) / (len(p) - 1) for p in pieces if len(p) > 1]))
-    off = np.abs(steps - found) > JITTER * abs(found)
-    if not found > 0.0 or off.any():
-        k = int(np.argmax(np.abs(steps - found)))
+    mean_step = float(np.mean([(p[-1] - p[0]) / (len(p) - 1) for p in pieces if len(p) > 1]))
+    off = np.abs(steps - mean_step) > JITTER * abs(mean_step)
+    if not mean_step > 0.0 or off.any():
+        k = int(np.argmax(np.abs(steps - mean_step)))
         raise InputError(
-            f"the times are not uniform: after row {k} comes a step of {steps[k]:g} s where the mean is {found:g} s; "
+            f"the times are not uniform: after row {k} comes a step of {steps[k]:g} s where the mean is "
+            f"{mean_step:g} s; "
             "bring the table to one rate first, for example by table.resample, or read the file with sysid.read"
         )
-    return float(f"{found:.12g}")  # 0.1 s, not the mean of rounded differences
+    return float(f"{mean_step:.12g}")  # 0.1 s, not the mean of rounded differences
 
 
 def _check_given(times: np.ndarray, Ts: float) -> None:
     """Raises InputError if the times (n,) of an experiment step by another time than Ts, or leave samples out."""
-    (known,) = np.nonzero(np.isfinite(times))
-    steps, rows = np.diff(times[known]), np.diff(known)
+    (known_rows,) = np.nonzero(np.isfinite(times))
+    steps, rows = np.diff(times[known_rows]), np.diff(known_rows)
     if not len(steps):
         return
     step = float(np.median(steps / rows))
@@ -245,11 +250,12 @@ def _check_given(times: np.ndarray, Ts: float) -> None:
         raise InputError(
             f"Ts is {Ts:g} s and the times of the table step by {step:.6g} s; leave Ts out, or the times: {ROWS}"
         )
-    off = np.abs(steps - rows * Ts)
-    if off.max() > GAP * Ts:
-        k = int(np.argmax(off))
+    deviation = np.abs(steps - rows * Ts)
+    if deviation.max() > GAP * Ts:
+        k = int(np.argmax(deviation))
         raise InputError(
-            f"Ts is {Ts:g} s, and after row {known[k]} of an experiment comes a step of {steps[k]:g} s; give uniform "
+            f"Ts is {Ts:g} s, and after row {known_rows[k]} of an experiment comes a step of {steps[k]:g} s; give "
+            "uniform "
             f"rows, with nan for a lost output, or leave the times out: {ROWS}"
         )
 

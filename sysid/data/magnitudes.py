@@ -18,9 +18,9 @@ def check_magnitudes(data: IOData) -> None:
 
     A channel that does not vary at all passes: what that means depends on the caller.
     """
-    for kind, signals, seen in (("input", data.u, None), ("output", data.y, data.observed)):
+    for kind, signals, observed in (("input", data.u, None), ("output", data.y, data.observed)):
         for k, column in enumerate(signals.T):
-            values = column if seen is None else column[seen[:, k]]
+            values = column if observed is None else column[observed[:, k]]
             if not len(values):
                 continue
             largest, span = float(np.abs(values).max()), float(np.ptp(values))
@@ -43,8 +43,8 @@ def overflow_mask(values: np.ndarray) -> np.ndarray:
         return np.zeros(len(values), dtype=bool)
     size = np.abs(values)
     huge = (size >= HUGE) & np.isfinite(size)
-    others = size[(size > 0) & (size < HUGE)]
-    if len(others) >= USUAL_SHARE * len(values) and others.max() <= USUAL_SIZE * size[huge].min():
+    usual_sizes = size[(size > 0) & (size < HUGE)]
+    if len(usual_sizes) >= USUAL_SHARE * len(values) and usual_sizes.max() <= USUAL_SIZE * size[huge].min():
         return huge
     codes = np.any([np.abs(size - code) <= CODE_TOLERANCE * code for code in OVERFLOW_CODES], axis=0)
     return codes if (size < HUGE).any() and codes[huge].all() else np.zeros(len(values), dtype=bool)

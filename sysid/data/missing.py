@@ -29,7 +29,7 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
     many samples would count as data.
     """
     x = np.array(values, dtype=float).ravel()
-    lost = ~np.isfinite(x)
+    is_missing = ~np.isfinite(x)
     if missing is not None:
         mask = np.asarray(missing)
         if mask.dtype.kind not in "biuf":
@@ -37,21 +37,25 @@ def fill(values: np.ndarray, longest: int = 3, missing: np.ndarray | None = None
         mask = mask.astype(bool).ravel()
         if mask.shape != x.shape:
             raise InputError(f"missing has {len(mask)} marks for {len(x)} samples; give one for each")
-        lost |= mask
+        is_missing |= mask
     if longest < 0:
         raise InputError(f"longest is {longest}; give the longest gap to fill, in samples")
-    if lost.all():
+    if is_missing.all():
         raise InputError("every sample is missing; give a record with measured samples")
-    filled, gaps = np.zeros(len(x), dtype=bool), runs(lost)
+    filled, gaps = np.zeros(len(x), dtype=bool), runs(is_missing)
     for start, stop in gaps:
         inside = stop < len(x) and start > 0
         if stop - start <= longest and (inside or (hold and start > 0)):
             filled[start:stop] = True
-    seen, k = np.flatnonzero(~lost), np.flatnonzero(filled)  # few places of a long record
-    bridge = x[seen[np.maximum(np.searchsorted(seen, k, "right") - 1, 0)]] if hold else np.interp(k, seen, x[seen])
-    x[lost] = np.nan
+    measured, k = np.flatnonzero(~is_missing), np.flatnonzero(filled)  # few places of a long record
+    bridge = (
+        x[measured[np.maximum(np.searchsorted(measured, k, "right") - 1, 0)]]
+        if hold
+        else np.interp(k, measured, x[measured])
+    )
+    x[is_missing] = np.nan
     x[k] = bridge
-    return Filled(x, filled, lost & ~filled, _sentence(gaps, filled, lost, longest, hold))
+    return Filled(x, filled, is_missing & ~filled, _sentence(gaps, filled, is_missing, longest, hold))
 
 
 @checked(deferred=("u", "y", "Ts"))
@@ -60,15 +64,15 @@ def record(u: np.ndarray, y: np.ndarray, Ts: float, longest: int = 3, **names: A
 
     Raises InputError for a long gap of u, because a free run cannot skip it: split the record there into experiments.
     """
-    held, line = fill(u, longest, hold=True), fill(y, longest)
-    if held.open.any():
-        start, stop = runs(held.open)[0]
+    filled_input, line = fill(u, longest, hold=True), fill(y, longest)
+    if filled_input.open.any():
+        start, stop = runs(filled_input.open)[0]
         raise InputError(
             f"u is missing from sample {start} to {stop - 1} (from 0), longer than {longest} samples or at an end; "
             "split the record there and merge the parts as experiments"
         )
-    data = IOData(held.values, line.values, Ts, missing=line.open if line.open.any() else None, **names)
-    return data, f"u: {held.sentence}; y: {line.sentence}"
+    data = IOData(filled_input.values, line.values, Ts, missing=line.open if line.open.any() else None, **names)
+    return data, f"u: {filled_input.sentence}; y: {line.sentence}"
 
 
 def runs(mask: np.ndarray) -> list[tuple[int, int]]:
@@ -77,16 +81,17 @@ def runs(mask: np.ndarray) -> list[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _sentence(gaps: list[tuple[int, int]], filled: np.ndarray, lost: np.ndarray, longest: int, hold: bool) -> str:
+def _sentence(gaps: list[tuple[int, int]], filled: np.ndarray, is_missing: np.ndarray, longest: int, hold: bool) -> str:
     if not gaps:
         return "no sample is missing"
     way = "the last value held" if hold else "straight lines"
-    said = f"{int(filled.sum())} of {int(lost.sum())} missing samples filled by {way}"
-    left = [(a, b) for a, b in gaps if not filled[a]]
-    if left:
-        worst = max(left, key=lambda g: g[1] - g[0])
-        said += (
-            f"; {len(left)} gap(s) not filled, the longest with {worst[1] - worst[0]} samples from {worst[0]} (limit "
+    sentence = f"{int(filled.sum())} of {int(is_missing.sum())} missing samples filled by {way}"
+    open_gaps = [(a, b) for a, b in gaps if not filled[a]]
+    if open_gaps:
+        worst = max(open_gaps, key=lambda g: g[1] - g[0])
+        sentence += (
+            f"; {len(open_gaps)} gap(s) not filled, the longest with {worst[1] - worst[0]} samples from {worst[0]} "
+            "(limit "
             f"{longest}): mark them with IOData(missing=...) or cut them out"
         )
-    return said
+    return sentence

@@ -63,18 +63,18 @@ def outliers(data: IOData, treat: str = "missing", half_width: int = 5, threshol
     found &= data.observed
     if not found.any():
         return Outliers(data, found, f"no output differs from its neighbours by {threshold:g} robust spreads")
-    both = found | ~data.observed
-    bridged = replace(data, missing=both)
+    mask = found | ~data.observed
+    treated = replace(data, missing=mask)
     if treat == "interpolate":
-        bridged = replace(data, y=np.where(found, bridged.y, data.y))
+        treated = replace(data, y=np.where(found, treated.y, data.y))
     first = ", ".join(map(str, np.flatnonzero(found.any(axis=1))[:5]))
-    done = "marked as missing" if treat == "missing" else "replaced by straight lines"
-    more = ", ..." if found.any(axis=1).sum() > 5 else ""
+    treatment = "marked as missing" if treat == "missing" else "replaced by straight lines"
+    ellipsis = ", ..." if found.any(axis=1).sum() > 5 else ""
     sentence = (
         f"{int(found.sum())} of {found.size} outputs ({100 * found.mean():.2g} %) differ from their neighbours by more "
-        f"than {threshold:g} robust spreads and were {done}: samples {first}{more}"
+        f"than {threshold:g} robust spreads and were {treatment}: samples {first}{ellipsis}"
     )
-    return Outliers(bridged, found, sentence)
+    return Outliers(treated, found, sentence)
 
 
 def _floor(y: np.ndarray) -> float:

@@ -52,27 +52,29 @@ class Preparation:
 
     def steps(self, data: IOData) -> tuple[IOData, tuple[str, ...]]:
         """The prepared record, and one sentence for each step that changed it."""
-        said: list[str] = []
+        sentences: list[str] = []
         if self.start is not None or self.stop is not None:
-            before, data = data.N, between(data, self.start, self.stop)
-            said.append(f"kept {data.N} of {before} samples, {_text(self.start)} to {_text(self.stop)} s")
+            count, data = data.N, between(data, self.start, self.stop)
+            sentences.append(f"kept {data.N} of {count} samples, {_text(self.start)} to {_text(self.stop)} s")
         if data.missing is not None:
-            lost, data = int(data.missing.sum()), missing(data, self.missing)
-            left = 0 if data.missing is None else int(data.missing.sum())
-            if lost > left:
-                said.append(f"{lost - left} of {lost} missing outputs filled by straight lines")
+            missing_count, data = int(data.missing.sum()), missing(data, self.missing)
+            remaining = 0 if data.missing is None else int(data.missing.sum())
+            if missing_count > remaining:
+                sentences.append(
+                    f"{missing_count - remaining} of {missing_count} missing outputs filled by straight lines"
+                )
         if self.resample is not None and self.resample != data.Ts:
-            changed = resampling.resample(data, self.resample, "held")
-            data = changed.data
-            said.append(changed.sentence)
+            resampled = resampling.resample(data, self.resample, "held")
+            data = resampled.data
+            sentences.append(resampled.sentence)
         if self._cutoff is not None:
             cutoff, kind = self._cutoff
-            passed = filters.butterworth(data, cutoff, kind)
-            data = passed.data
-            said.append(passed.sentence)
+            filtered = filters.butterworth(data, cutoff, kind)
+            data = filtered.data
+            sentences.append(filtered.sentence)
         if self.detrend is not None:
             data = preprocess.detrend(data, self.detrend)
-        return data, tuple(said)
+        return data, tuple(sentences)
 
     def options(self) -> tuple[str, ...]:
         """The options of `qpal identify` that do the same; none for a step that is left out."""
@@ -145,11 +147,11 @@ def missing(data: IOData, policy: str = "mark") -> IOData:
             f"{int(data.missing.sum())} outputs are missing, the first at sample {first} (from 0); "
             "mark leaves them to the fit, which ignores them, and fill puts straight lines into short gaps"
         )
-    left = []
+    open_marks = []
     for e in data.experiments:
         mask = np.zeros(e.y.shape, dtype=bool) if e.missing is None else e.missing
-        left.append(np.column_stack([fill(y, missing=m).open for y, m in zip(e.y.T, mask.T, strict=True)]))
-    return replace(data, missing=np.concatenate(left))
+        open_marks.append(np.column_stack([fill(y, missing=m).open for y, m in zip(e.y.T, mask.T, strict=True)]))
+    return replace(data, missing=np.concatenate(open_marks))
 
 
 def _text(value: float | None) -> str:

@@ -90,9 +90,11 @@ class IOData(Shown):
                     f"record {k} has {r.u_name!r} as input and {r.y_name!r} as output, the first {first.u_name!r} and "
                     f"{first.y_name!r}; give the channels of all records the same roles"
                 )
-            for own, other in ((r.u_unit, first.u_unit), (r.y_unit, first.y_unit)):
-                if own and other and own != other:
-                    raise InputError(f"record {k} has a signal in {own} that the first has in {other}; convert one")
+            for unit, unit_of_first in ((r.u_unit, first.u_unit), (r.y_unit, first.y_unit)):
+                if unit and unit_of_first and unit != unit_of_first:
+                    raise InputError(
+                        f"record {k} has a signal in {unit} that the first has in {unit_of_first}; convert one"
+                    )
             if not (np.allclose(r.u_offset, first.u_offset) and np.allclose(r.y_offset, first.y_offset)):
                 raise InputError(f"record {k} has other offsets than the first; merge first, then detrend")
         masks = [np.zeros(r.y.shape, dtype=bool) if r.missing is None else r.missing for r in records]
@@ -179,12 +181,12 @@ class IOData(Shown):
             raise InputError(f"split is {fraction}; give a fraction between 0 and 1, for example 0.5")
         parts = []
         for e in self.experiments:
-            cut = round(e.N * fraction)
-            if min(cut, e.N - cut) < 2:
+            border = round(e.N * fraction)
+            if min(border, e.N - border) < 2:
                 raise InputError(
-                    f"a split at {fraction} leaves {cut} and {e.N - cut} of {e.N} samples; each part needs 2"
+                    f"a split at {fraction} leaves {border} and {e.N - border} of {e.N} samples; each part needs 2"
                 )
-            parts.append((e.select(0, cut), e.select(cut, e.N)))
+            parts.append((e.select(0, border), e.select(border, e.N)))
         return IOData.merge(*(p[0] for p in parts)), IOData.merge(*(p[1] for p in parts))
 
     def plot(self) -> "Figure":
@@ -278,9 +280,11 @@ def _bridged(y: np.ndarray, missing: np.ndarray, lengths: tuple[int, ...], name:
         piece = slice(end, end + n)
         end += n
         for j in range(y.shape[1]):
-            lost = missing[piece, j]
-            if lost.all():
+            is_missing = missing[piece, j]
+            if is_missing.all():
                 raise InputError(f"every sample of {name} is marked as missing; leave that experiment out")
-            if lost.any():
-                y[piece, j][lost] = np.interp(np.flatnonzero(lost), np.flatnonzero(~lost), y[piece, j][~lost])
+            if is_missing.any():
+                y[piece, j][is_missing] = np.interp(
+                    np.flatnonzero(is_missing), np.flatnonzero(~is_missing), y[piece, j][~is_missing]
+                )
     return y

@@ -37,8 +37,8 @@ def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
         raise unknown("input", input, INPUTS)
     if not (np.isfinite(Ts) and Ts > 0):
         raise InputError(f"Ts is {Ts}; give the new sampling time as a positive number of seconds")
-    near = data.Ts / Ts
-    ratio = Fraction(near if near < 2 * MOST else 0).limit_denominator(MOST)
+    rate_ratio = data.Ts / Ts
+    ratio = Fraction(rate_ratio if rate_ratio < 2 * MOST else 0).limit_denominator(MOST)
     if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > MOST:
         raise InputError(
             f"Ts goes from {data.Ts} to {Ts} s, not a ratio of whole numbers up to {MOST}; choose a Ts near it that is"
@@ -61,15 +61,15 @@ def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, 
         raise InputError(f"{e.N} samples become {n} at the new rate; give a shorter Ts")
     y = _poly(e.y, up, down)
     u = _held(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
-    lost = np.zeros(y.shape, dtype=bool)
+    is_missing = np.zeros(y.shape, dtype=bool)
     if e.missing is not None:
         # The filter's main lobe spans about one sample of the lower rate to either side.
         reach = max(1.0, down / up)
         for k in range(n):
             centre = k * down / up
             lo, hi = max(0, int(np.ceil(centre - reach))), int(np.floor(centre + reach)) + 1
-            lost[k] = e.missing[lo:hi].any(axis=0)
-    return u, y, lost
+            is_missing[k] = e.missing[lo:hi].any(axis=0)
+    return u, y, is_missing
 
 
 def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:

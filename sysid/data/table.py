@@ -31,27 +31,27 @@ LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a milli
 def explain_non_number(cell: str, column: str, decimal: str = ".") -> str:
     """What stands in a cell of `column` that is no number, and what to do."""
     text, short = cell.strip(), cell if len(cell) <= LONGEST_CELL else cell[: LONGEST_CELL - 3] + "..."
-    found = f"found {short!r}"
+    words = f"found {short!r}"
     if text == column.strip():
         return (
-            f"{found}, the header again: where two logs stand in one file, split it there into two (qpal identify "
+            f"{words}, the header again: where two logs stand in one file, split it there into two (qpal identify "
             "takes several); where the time goes on, remove the row"
         )
     if text.lower() in SPREADSHEET_ERRORS:
-        return f"{found}, an error of a spreadsheet; empty the cell, which is then a missing value"
+        return f"{words}, an error of a spreadsheet; empty the cell, which is then a missing value"
     if len(text) <= LONGEST_CELL and (unit := WITH_UNIT.fullmatch(text)):
-        return f"{found}, a number with its unit; write numbers alone: {unit[1]!r} belongs into the header"
+        return f"{words}, a number with its unit; write numbers alone: {unit[1]!r} belongs into the header"
     correction = _correct_spelling(text, decimal) if is_number_otherwise_spelled(text) else ""
-    return f"{found}, which is not a number; correct the cell{correction}"
+    return f"{words}, which is not a number; correct the cell{correction}"
 
 
 def _correct_spelling(text: str, decimal: str) -> str:
     """How a number is written that other programs spell with thousands marks or with the exponent of Fortran."""
     if FORTRAN.fullmatch(text):
         return f": write {text.upper().replace('D', 'e')}"
-    parted = THOUSANDS.fullmatch(text)
-    assert parted is not None
-    number = text.replace(parted[1], "").replace(",", ".").rstrip(".").replace(".", decimal)
+    match = THOUSANDS.fullmatch(text)
+    assert match is not None
+    number = text.replace(match[1], "").replace(",", ".").rstrip(".").replace(".", decimal)
     return f": write numbers without thousands marks, {number} if that is meant"
 
 

@@ -104,12 +104,13 @@ def steady_level(data: IOData) -> tuple[np.ndarray, np.ndarray]:
         )
     rest = e.select(0, n)
     halves = [_means(part)[1] for part in (rest.select(0, n // 2), rest.select(n // 2, n))]
-    for j, (early, late) in enumerate(zip(*halves, strict=True)):
+    for j, (first_mean, second_mean) in enumerate(zip(*halves, strict=True)):
         span, noise = float(np.ptp(e.y[:, j])), float(np.std(np.diff(rest.y[:, j]))) / np.sqrt(2)
-        if abs(late - early) > SETTLED * span + 3 * noise * np.sqrt(4 / n):
+        if abs(second_mean - first_mean) > SETTLED * span + 3 * noise * np.sqrt(4 / n):
             raise InputError(
-                f"before the input first moves, at {n * e.Ts:g} s, the output goes from {early:.4g} to {late:.4g}, "
-                f"{100 * abs(late - early) / span:.0f} % of its range: it is not at rest; {advice}"
+                f"before the input first moves, at {n * e.Ts:g} s, the output goes from {first_mean:.4g} to "
+                f"{second_mean:.4g}, "
+                f"{100 * abs(second_mean - first_mean) / span:.0f} % of its range: it is not at rest; {advice}"
             )
     return _means(rest)
 
@@ -125,8 +126,8 @@ def _lines(e: IOData, breaks: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
     t = np.arange(e.N) / e.N  # of order one, so that the columns are well scaled
     hinges = [np.maximum(t - b / e.N, 0.0) for b in breaks]
     X = np.column_stack([np.ones(e.N), t, *hinges])
-    seen = e.observed
-    y = [X @ np.linalg.lstsq(X[seen[:, j]], e.y[seen[:, j], j], rcond=None)[0] for j in range(e.y.shape[1])]
+    observed = e.observed
+    y = [X @ np.linalg.lstsq(X[observed[:, j]], e.y[observed[:, j], j], rcond=None)[0] for j in range(e.y.shape[1])]
     return X @ np.linalg.lstsq(X, e.u, rcond=None)[0], np.column_stack(y)
 
 
@@ -155,9 +156,9 @@ def with_offsets(data: IOData, u_offset: np.ndarray | None, y_offset: np.ndarray
     return replace(data, u=data.u + du, y=data.y + dy, u_offset=u_offset, y_offset=y_offset)
 
 
-def restore_offsets(y: np.ndarray, own: IOData, data: IOData) -> np.ndarray:
-    """Outputs y (N, ny) or (N,) of the record `own` at the level of `data`, from which `counted_from` made it."""
-    if own is data:
+def restore_offsets(y: np.ndarray, levelled: IOData, data: IOData) -> np.ndarray:
+    """Outputs y (N, ny) or (N,) of the record `levelled` at the level of `data`, from which `counted_from` made it."""
+    if levelled is data:
         return y
-    dy = own.y_offset - data.y_offset
+    dy = levelled.y_offset - data.y_offset
     return y + (dy if y.ndim == 2 else dy[0])

@@ -41,20 +41,20 @@ def unwrapped(data: IOData, turn: float | None = None) -> Wraps:
     if turn is not None and not 0.0 < turn < math.inf:
         raise InputError(f"a turn is {turn}; give its length in the unit of the output, such as 360 or 6.283")
     candidates = TURNS if turn is None else (float(turn),)
-    columns, counts, found = [], 0, 0.0
+    columns, counts, turn_found = [], 0, 0.0
     for j in range(data.y.shape[1]):
         parts = [e.y[:, j] for e in data.experiments]
         period = next((t for t in candidates if _wraps(parts, t)), 0.0)
         if period:
-            found = period
+            turn_found = period
             counts += sum(int(np.sum(np.abs(np.diff(part)) > _LARGE * period)) for part in parts)
             parts = [np.unwrap(part, period=period) for part in parts]
         columns.append(np.concatenate(parts))
     if not counts:
         return Wraps(data, 0.0, 0, "no output jumps by a turn")
     ends = "wrap" if counts == 1 else "wraps"
-    sentence = f"{counts} {ends} of the output at {found:.6g} undone: its angle now counts on over turns"
-    return Wraps(replace(data, y=np.column_stack(columns)), found, counts, sentence)
+    sentence = f"{counts} {ends} of the output at {turn_found:.6g} undone: its angle now counts on over turns"
+    return Wraps(replace(data, y=np.column_stack(columns)), turn_found, counts, sentence)
 
 
 def _wraps(parts: list[np.ndarray], turn: float) -> bool:
@@ -62,7 +62,7 @@ def _wraps(parts: list[np.ndarray], turn: float) -> bool:
     y = np.concatenate(parts)
     if not np.all(np.isfinite(y)) or np.ptp(y) > turn * (1.0 + _OVER):
         return False
-    jumps = through = 0
+    jumps = against_motion = 0
     for part in parts:
         steps = np.diff(part)
         large = np.flatnonzero(np.abs(steps) > _SMALL * turn)
@@ -71,5 +71,5 @@ def _wraps(parts: list[np.ndarray], turn: float) -> bool:
         inner = large[(large > 0) & (large < len(steps) - 1)]
         jumps += len(inner)
         # Before and after it the angle moves against the jump: what stands there jumps by itself.
-        through += int(np.sum((steps[inner - 1] * steps[inner] < 0.0) & (steps[inner + 1] * steps[inner] < 0.0)))
-    return through > 0.5 * jumps
+        against_motion += int(np.sum((steps[inner - 1] * steps[inner] < 0.0) & (steps[inner + 1] * steps[inner] < 0.0)))
+    return against_motion > 0.5 * jumps

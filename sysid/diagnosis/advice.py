@@ -38,30 +38,30 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     """
     check_magnitudes(data)
     with one_blas_thread():
-        wrapped = {j: jump for j in range(data.y.shape[1]) if (jump := wrap_warning(data, j)) is not None}
-        found = list(wrapped.values())  # first: they are in the way of all others
-        found += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
+        wrap_warnings = {j: jump for j in range(data.y.shape[1]) if (jump := wrap_warning(data, j)) is not None}
+        findings = list(wrap_warnings.values())  # first: they are in the way of all others
+        findings += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
-            if (still := constant_warning(data, "y", j)) is not None:
-                found.append(still)
+            if (warning := constant_warning(data, "y", j)) is not None:
+                findings.append(warning)
                 continue
-            if (still := stuck_warning(data, j)) is not None:
-                found.insert(0, still)
+            if (warning := stuck_warning(data, j)) is not None:
+                findings.insert(0, warning)
             white = whiten(data, j)
-            own = list(_output(data, j, white, jumps=j in wrapped))
-            found += own
+            output_findings = list(_output(data, j, white, jumps=j in wrap_warnings))
+            findings += output_findings
             if white is None:
-                found += [] if not np.ptp(data.u, axis=0).any() else [_too_little(data, j)]
+                findings += [] if not np.ptp(data.u, axis=0).any() else [_too_little(data, j)]
             else:
-                stopped = any(a.topic == "rest" and a.severity != "fine" for a in own)
-                found += [_at_stops(a) if stopped else a for a in advise_relation(data, j, white)]
-    return tuple(found)
+                stopped = any(a.topic == "rest" and a.severity != "fine" for a in output_findings)
+                findings += [_at_stops(a) if stopped else a for a in advise_relation(data, j, white)]
+    return tuple(findings)
 
 
 def _input(data: IOData, i: int) -> Iterator[Advice]:
     name, u = channel(data, "u", i), data.u[:, i]
-    if (still := constant_warning(data, "u", i)) is not None:
-        yield still
+    if (warning := constant_warning(data, "u", i)) is not None:
+        yield warning
         return
     order = signals.persistence(u)
     if order >= ORDER:
@@ -97,10 +97,10 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
     noise = _noise(y, white)
     straight = white is not None and bend is not None and bend.p_value >= LEVEL
     odd = _odd(data, j, white)
-    none = missing_code(data.y[:, j], odd)
+    code = missing_code(data.y[:, j], odd)
     if odd.any():  # an isolated spike, or a number that stands for none, is no end of the output's range
         y = data.y[data.observed[:, j] & ~odd, j]
-        y = y if none is None else y[y != none]
+        y = y if code is None else y[y != code]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
         yield _rest(name, y, noise, y_shown, white if straight else None)
     q = signals.step(y)
@@ -119,22 +119,22 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
             else "",
             "warning" if coarse else "note",
         )
-    yield _outliers(odd, name, none, unit)
+    yield _outliers(odd, name, code, unit)
 
 
 def _noise(y: np.ndarray, white: Whitened | None) -> float:
     """Noise level: the smaller of two estimates, from second differences (valid at rest) and a linear model."""
     second = np.abs(np.diff(y, 2)) / np.sqrt(6.0)
-    left = np.abs(white.regression.e) if white is not None else second
-    return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(left)))
+    errors = np.abs(white.regression.e) if white is not None else second
+    return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(errors)))
 
 
 def _followed(white: Whitened, band: float, noise: float) -> bool:
     """Whether a linear model's free run follows the output while it is within the band of its extremes."""
     y = white.y
-    near = (y <= y.min() + band) | (y >= y.max() - band)
+    at_extreme = (y <= y.min() + band) | (y >= y.max() - band)
     with np.errstate(over="ignore", invalid="ignore"):
-        error = float(np.sqrt(np.mean((y - free_run(white))[near] ** 2)))
+        error = float(np.sqrt(np.mean((y - free_run(white))[at_extreme] ** 2)))
     return error <= _FOLLOWED * float(y.std()) + 2.0 * noise
 
 
@@ -145,19 +145,23 @@ def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Wh
     """
     rest = signals.rests(y, noise)
     moving = signals.sine_rest(rest.band / (float(np.ptp(y)) or 1.0))
-    most = max(rest.low, rest.high)
-    if most <= max(0.08, 1.5 * moving):
-        return Advice("rest", f"{name} is at an extreme in {100 * most:.1f} % of samples", most, "", "fine")
+    largest_share = max(rest.low, rest.high)
+    if largest_share <= max(0.08, 1.5 * moving):
+        return Advice(
+            "rest", f"{name} is at an extreme in {100 * largest_share:.1f} % of samples", largest_share, "", "fine"
+        )
     shares = ((rest.low, "lowest", float(y.min())), (rest.high, "highest", float(y.max())))
-    seen = [(s, word, f"{v * as_shown.factor:.4g} {as_shown.unit}".rstrip()) for s, word, v in shares]
-    where = [f"{100 * s:.0f} % at its {word} ({v})" for s, word, v in seen if s > max(0.08, 1.5 * moving)]
-    said = f"{name} rests for {' and '.join(where)}"
+    extremes = [(s, word, f"{v * as_shown.factor:.4g} {as_shown.unit}".rstrip()) for s, word, v in shares]
+    places = [f"{100 * s:.0f} % at its {word} ({v})" for s, word, v in extremes if s > max(0.08, 1.5 * moving)]
+    sentence = f"{name} rests for {' and '.join(places)}"
     if linear is not None and _followed(linear, rest.band, noise):
-        return Advice("rest", f"{said}, where the input holds it: a linear model explains that", most, "", "fine")
+        return Advice(
+            "rest", f"{sentence}, where the input holds it: a linear model explains that", largest_share, "", "fine"
+        )
     return Advice(
         "rest",
-        f"{said}: an end stop or a saturation",
-        most,
+        f"{sentence}: an end stop or a saturation",
+        largest_share,
         "a linear model cannot describe it: fit a model with end stops if a motor moves this, else one whose output "
         "map saturates",
         "note",
@@ -177,46 +181,48 @@ def _at_stops(advice: Advice) -> Advice:
 def _odd(data: IOData, j: int, white: Whitened | None) -> np.ndarray:
     """The isolated outliers (N,) of an output."""
     y = data.y[:, j]
-    found = hampel(y) & data.observed[:, j] if data.N >= 11 else np.zeros(data.N, dtype=bool)
-    if white is not None and found.any():
+    mask = hampel(y) & data.observed[:, j] if data.N >= 11 else np.zeros(data.N, dtype=bool)
+    if white is not None and mask.any():
         # A step of the plant differs from its neighbours too; an outlier is only what the past does not predict.
         e = white.regression.e
         size = np.abs(e - np.median(e))
         odd = np.zeros(data.N, dtype=bool)
         odd[white.times[size > max(6.0, float(-ndtri(LEVEL / 2 / len(e)))) * 1.4826 * np.median(size)]] = True
-        found &= odd
-    return _returning(y, found)
+        mask &= odd
+    return _returning(y, mask)
 
 
-def _outliers(found: np.ndarray, name: str, none: float | None, unit: str) -> Advice:
-    n = int(found.sum())
+def _outliers(mask: np.ndarray, name: str, code: float | None, unit: str) -> Advice:
+    n = int(mask.sum())
     if not n:
         return Advice("outliers", f"{name} has no isolated outliers", 0.0, "", "fine")
-    first = ", ".join(map(str, np.flatnonzero(found)[:5])) + (", ..." if n > 5 else "")
-    sentence = f"{name} has {n} isolated outlier(s), {100 * n / len(found):.2g} % of samples: {first}"
+    first = ", ".join(map(str, np.flatnonzero(mask)[:5])) + (", ..." if n > 5 else "")
+    sentence = f"{name} has {n} isolated outlier(s), {100 * n / len(mask):.2g} % of samples: {first}"
     call = "sysid.data.outliers.outliers(data).data"
-    if none is not None:
-        sentence += f"; all are {none:.6g}{unit}, far outside the others, {NO_VALUE}"
+    if code is not None:
+        sentence += f"; all are {code:.6g}{unit}, far outside the others, {NO_VALUE}"
         todo = "empty these cells, which are then missing samples, or mark them in Python"
         return Advice("outliers", sentence, n, todo, "warning", call=call)
     todo = "look at them, and mark them as missing or fit with a robust loss, sysid.Objective"
     return Advice("outliers", sentence, n, todo, "warning", call=call)
 
 
-def _returning(y: np.ndarray, found: np.ndarray) -> np.ndarray:
+def _returning(y: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Those of the found samples (N,) that lie further from both neighbours than these from each other.
 
     The neighbours are the nearest samples that are not found. A sudden move does not come back. What is further away
     by a small share of the range only, as the flicker of a converter at rest, hardly moves a fit.
     """
-    least = _FLICKER * float(np.ptp(y[~found])) if not found.all() else 0.0
-    sound = np.flatnonzero(~found)
-    kept = np.zeros(len(y), dtype=bool)
-    for t in np.flatnonzero(found):
+    least = _FLICKER * float(np.ptp(y[~mask])) if not mask.all() else 0.0
+    sound = np.flatnonzero(~mask)
+    isolated = np.zeros(len(y), dtype=bool)
+    for t in np.flatnonzero(mask):
         k = int(np.searchsorted(sound, t))
-        before, after = y[sound[max(k - 1, 0)]], y[sound[min(k, len(sound) - 1)]]
-        kept[t] = min(abs(y[t] - before), abs(y[t] - after)) > max(2.0 * abs(after - before), least)
-    return kept
+        previous_value, next_value = y[sound[max(k - 1, 0)]], y[sound[min(k, len(sound) - 1)]]
+        isolated[t] = min(abs(y[t] - previous_value), abs(y[t] - next_value)) > max(
+            2.0 * abs(next_value - previous_value), least
+        )
+    return isolated
 
 
 def _too_little(data: IOData, j: int) -> Advice:

@@ -92,16 +92,16 @@ def estimate(data: IOData, period: int | None = None, skip: int = 1) -> Bla:
         raise InputError("the input is constant over its period; excite with a multisine or a binary signal")
     mean_Y = Y.mean(axis=1)
     noise_Y = np.sum(np.abs(Y - mean_Y[:, None]) ** 2, axis=1) / (P * (P - 1))  # of the mean over periods (M, lines)
-    each = mean_Y[:, k] / U[:, 0, k]
-    G = each.mean(axis=0)
+    responses = mean_Y[:, k] / U[:, 0, k]
+    G = responses.mean(axis=0)
     noise = np.mean(noise_Y[:, k] / np.abs(U[:, 0, k]) ** 2, axis=0) / M
     quiet = _detection_lines(excited, k)
-    detected = np.mean(np.abs(mean_Y[:, quiet]) ** 2 - noise_Y[:, quiet], axis=0)
+    distortion_power = np.mean(np.abs(mean_Y[:, quiet]) ** 2 - noise_Y[:, quiet], axis=0)
     if M > 1:
-        total = np.sum(np.abs(each - G) ** 2, axis=0) / (M * (M - 1))
+        total = np.sum(np.abs(responses - G) ** 2, axis=0) / (M * (M - 1))
         distortion, method = M * (total - noise), "robust"
     else:
-        distortion = _from_detection(k, quiet, detected, np.abs(G) ** 2) / np.abs(U[0, 0, k]) ** 2
+        distortion = _from_detection(k, quiet, distortion_power, np.abs(G) ** 2) / np.abs(U[0, 0, k]) ** 2
         total, method = noise + np.fmax(np.nan_to_num(distortion), 0.0), "fast"
     return Bla(
         frequency=k / (period * data.Ts),
@@ -110,7 +110,7 @@ def estimate(data: IOData, period: int | None = None, skip: int = 1) -> Bla:
         total_variance=total,
         distortion_variance=distortion,
         detection_lines=quiet,
-        detected=detected * (2.0 / period**2),  # |Y|^2 of a one-sided DFT to y^2
+        detected=distortion_power * (2.0 / period**2),  # |Y|^2 of a one-sided DFT to y^2
         output_noise=noise_Y[:, quiet].mean(axis=0) * (2.0 / period**2),
         Ts=data.Ts,
         period=int(period),
@@ -142,13 +142,13 @@ def _spectra(data: IOData, period: int, skip: int) -> tuple[np.ndarray, np.ndarr
     return np.fft.rfft(u, axis=2), np.fft.rfft(y, axis=2)
 
 
-def _detection_lines(excited: np.ndarray, k: np.ndarray) -> np.ndarray:
+def _detection_lines(is_excited: np.ndarray, k: np.ndarray) -> np.ndarray:
     """Lines without input below the highest excited one."""
-    quiet = np.flatnonzero(~excited[: k.max() + 1])
+    quiet = np.flatnonzero(~is_excited[: k.max() + 1])
     return quiet[quiet > 0]
 
 
-def _from_detection(k: np.ndarray, quiet: np.ndarray, detected: np.ndarray, gain: np.ndarray) -> np.ndarray:
+def _from_detection(k: np.ndarray, quiet: np.ndarray, distortion_power: np.ndarray, gain: np.ndarray) -> np.ndarray:
     """Distortion at the excited lines k (F,), interpolated from the odd detection lines; nan if there are too few.
 
     Even lines count too if the input contains them. Between the lines the distortion is assumed to be proportional to
@@ -157,7 +157,7 @@ def _from_detection(k: np.ndarray, quiet: np.ndarray, detected: np.ndarray, gain
     use = quiet % 2 == 1 if np.all(k % 2 == 1) else np.ones(len(quiet), dtype=bool)
     if use.sum() < 4:
         return np.full(len(k), np.nan)
-    share = _smooth(detected[use] / np.interp(quiet[use], k, gain), 5)
+    share = _smooth(distortion_power[use] / np.interp(quiet[use], k, gain), 5)
     return gain * np.interp(k, quiet[use], share)
 
 
@@ -245,8 +245,8 @@ def _weights(bla: Bla) -> np.ndarray:
 
 def _smooth(x: np.ndarray, width: int) -> np.ndarray:
     """Mean over `width` neighbours, fewer at the ends."""
-    ones = np.ones(min(width, len(x)))
-    return np.convolve(x, ones, "same") / np.convolve(np.ones(len(x)), ones, "same")
+    window = np.ones(min(width, len(x)))
+    return np.convolve(x, window, "same") / np.convolve(np.ones(len(x)), window, "same")
 
 
 def _split(z: np.ndarray) -> np.ndarray:

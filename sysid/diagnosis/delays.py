@@ -54,11 +54,11 @@ def delay_from_input(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
     sure = np.flatnonzero(ps < _CERTAIN)
     latest = min(int(sure[0]) + _LATER_DELAYS if len(sure) else LONGEST_DELAY, LONGEST_DELAY)
     models = _models(white, i, latest)
-    likely = tuple(m for m in models if m.criterion <= models[0].criterion + _criterion_difference(level))
-    lags = [m.nk for m in likely]
+    likely_models = tuple(m for m in models if m.criterion <= models[0].criterion + _criterion_difference(level))
+    lags = [m.nk for m in likely_models]
     if not _is_adequate(models[0], white):  # then only lags that have an effect for certain bound the delay
         lags.append(int(np.argmax(ps < level)) if np.any(ps < level) else latest)
-    return Delay(models[0].nk, min(lags), max(lags), p, likely)
+    return Delay(models[0].nk, min(lags), max(lags), p, likely_models)
 
 
 def _is_adequate(m: Model, white: Whitened) -> bool:
@@ -72,11 +72,11 @@ def _p_value_of_averages(white: Whitened, i: int) -> float:
 
     A test of all lags spreads over as many directions; a plant's response is mostly in few.
     """
-    own = white.lags(i)
-    k = np.arange(own.stop - own.start)
-    averages = white.X[:, own] @ np.column_stack([np.exp(-k / tau) for tau in (1.0, 4.0, 16.0)])
-    others = np.delete(white.X, np.r_[own], axis=1)
-    Q = orthonormal_columns(others)
+    input_lags = white.lags(i)
+    k = np.arange(input_lags.stop - input_lags.start)
+    averages = white.X[:, input_lags] @ np.column_stack([np.exp(-k / tau) for tau in (1.0, 4.0, 16.0)])
+    other_columns = np.delete(white.X, np.r_[input_lags], axis=1)
+    Q = orthonormal_columns(other_columns)
     return joint_test(Q, averages, white.y - Q @ (Q.T @ white.y)).p
 
 
@@ -87,21 +87,23 @@ def _criterion_difference(level: float) -> float:
 
 def _nested_p_values(white: Whitened, i: int) -> np.ndarray:
     """p-values (p + 1,) of the hypotheses that lags 0..k of input i together have no effect, given the later ones."""
-    own = white.lags(i)
-    lags = np.arange(own.stop - 1, own.start - 1, -1)  # the last lag first, so that the first ones are last in Q
-    others = np.setdiff1d(np.arange(white.X.shape[1]), lags)
-    X = np.column_stack([white.X[:, others], white.X[:, lags]])
+    columns = white.lags(i)
+    lags = np.arange(
+        columns.stop - 1, columns.start - 1, -1
+    )  # the last lag first, so that the first ones are last in Q
+    other_columns = np.setdiff1d(np.arange(white.X.shape[1]), lags)
+    X = np.column_stack([white.X[:, other_columns], white.X[:, lags]])
     norm = np.linalg.norm(X, axis=0)
     Q, R = np.linalg.qr(X / np.where(norm > 0, norm, 1.0))
     new = np.abs(np.diag(R)) > _NEW
     s = Q.T @ white.y
-    left = white.y - Q[:, new] @ s[new]
-    covariance = robust_covariance(Q[:, new], Q, left)
-    freedom, ps = len(left) - int(new.sum()), np.ones(len(lags))
+    errors = white.y - Q[:, new] @ s[new]
+    covariance = robust_covariance(Q[:, new], Q, errors)
+    freedom, ps = len(errors) - int(new.sum()), np.ones(len(lags))
     for k in range(len(lags)):
-        own = np.flatnonzero(new[-1 - k :]) + X.shape[1] - 1 - k
-        if len(own):
-            ps[k] = wald_p_value(s[own], covariance[np.ix_(own, own)], freedom)
+        columns = np.flatnonzero(new[-1 - k :]) + X.shape[1] - 1 - k
+        if len(columns):
+            ps[k] = wald_p_value(s[columns], covariance[np.ix_(columns, columns)], freedom)
     return ps
 
 
@@ -115,46 +117,46 @@ def _models(white: Whitened, i: int, latest: int) -> list[Model]:
         return rough
     profile = Profile(parts)
     nk, latest = rough[0].nk, min(latest, len(parts[0].u) // 10)
-    near = {len(m.f): [m.f] for m in reversed(rough)}
+    denominators = {len(m.f): [m.f] for m in reversed(rough)}
     for _ in range(_ROUNDS):  # the colour of the errors follows the model, the orders the delay
-        tried = _models_at_delay(profile, nk, near)
-        profile.whiten(tried[0])
-        near = {len(m.f): [m.f] for m in reversed(tried)}
-        found = {(m.nk, len(m.f), len(m.b)): m for m in _models_at_delay(profile, nk, near)}
-        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
-            _sweep_delays(profile, m, latest, found)
-        for m in sorted(found.values(), key=_criterion)[:_LEADERS]:
+        leaders = _models_at_delay(profile, nk, denominators)
+        profile.whiten(leaders[0])
+        denominators = {len(m.f): [m.f] for m in reversed(leaders)}
+        models_by_orders = {(m.nk, len(m.f), len(m.b)): m for m in _models_at_delay(profile, nk, denominators)}
+        for m in sorted(models_by_orders.values(), key=_criterion)[:_LEADERS]:
+            _sweep_delays(profile, m, latest, models_by_orders)
+        for m in sorted(models_by_orders.values(), key=_criterion)[:_LEADERS]:
             for k in range(1, min(len(m.b), latest - m.nk + 1)):  # leading zeros of b are delay
                 key = (m.nk + k, len(m.f), len(m.b) - k)
-                found.setdefault(key, profile.model(*key, m.f))
-        models = sorted(found.values(), key=_criterion)
-        nk, near = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
+                models_by_orders.setdefault(key, profile.model(*key, m.f))
+        models = sorted(models_by_orders.values(), key=_criterion)
+        nk, denominators = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
     return models
 
 
-def _models_at_delay(profile: Profile, nk: int, near: dict[int, list[np.ndarray]]) -> list[Model]:
+def _models_at_delay(profile: Profile, nk: int, denominators: dict[int, list[np.ndarray]]) -> list[Model]:
     """The best model of every pair of orders at one delay, best first; those of more poles begin at fewer, too."""
-    found: list[Model] = []
+    fitted_models: list[Model] = []
     for nf in sorted({nf for nf, _ in ORDERS}):
-        fewer = [m.f for m in sorted(found, key=_criterion) if len(m.f) == nf - 1][:1] or [np.zeros(nf - 1)]
-        starts = near.get(nf, []) + [np.convolve(np.r_[1.0, fewer[0]], [1.0, -z])[1:] for z in _POLES]
+        fewer = [m.f for m in sorted(fitted_models, key=_criterion) if len(m.f) == nf - 1][:1] or [np.zeros(nf - 1)]
+        starts = denominators.get(nf, []) + [np.convolve(np.r_[1.0, fewer[0]], [1.0, -z])[1:] for z in _POLES]
         widest = max(nb for n, nb in ORDERS if n == nf)
         best = min((profile.model(nk, nf, widest, f) for f in starts), key=_criterion)
-        found.append(best)
-        found += [profile.model(nk, nf, nb, best.f) for n, nb in ORDERS if n == nf and nb < widest]
-    return sorted(found, key=_criterion)
+        fitted_models.append(best)
+        fitted_models += [profile.model(nk, nf, nb, best.f) for n, nb in ORDERS if n == nf and nb < widest]
+    return sorted(fitted_models, key=_criterion)
 
 
-def _sweep_delays(profile: Profile, m: Model, latest: int, found: dict[tuple[int, int, int], Model]) -> None:
+def _sweep_delays(profile: Profile, m: Model, latest: int, models_by_orders: dict[tuple[int, int, int], Model]) -> None:
     """Models of the same orders at all other delays, each from its neighbour."""
     for way in (range(m.nk - 1, -1, -1), range(m.nk + 1, latest + 1)):
         f = m.f
         for k in way:
             key = (k, len(m.f), len(m.b))
-            if key not in found:
-                found[key] = profile.model(k, len(m.f), len(m.b), f)
-            f = found[key].f
-            if found[key].criterion > m.criterion + _HOPELESS:
+            if key not in models_by_orders:
+                models_by_orders[key] = profile.model(k, len(m.f), len(m.b), f)
+            f = models_by_orders[key].f
+            if models_by_orders[key].criterion > m.criterion + _HOPELESS:
                 break
 
 
@@ -174,23 +176,23 @@ def _rough_models(white: Whitened, i: int, latest: int) -> list[Model]:
     half = solve_triangular(R, np.eye(n), trans="T") / norm * np.sqrt(float(e @ e) / freedom)
     c = solve_triangular(R, solve_triangular(R, white.X.T @ white.y / norm, trans="T")) / norm
     lags = white.lags(i)
-    own = np.r_[1 : p + 1, lags.start : lags.stop]
-    half = np.asarray(np.linalg.qr(half[:, own], mode="r"))
+    columns = np.r_[1 : p + 1, lags.start : lags.stop]
+    half = np.asarray(np.linalg.qr(half[:, columns], mode="r"))
     a, g = np.concatenate([[1.0], -c[1 : p + 1]]), c[lags]
-    found = []
+    candidates = []
     for nf, nb in ((1, 2), (2, 2), (3, 2), (4, 3)) if white.data.u.shape[1] == 1 else ORDERS:
         if nf + nb > p:
             continue
         for nk in range(min(latest, p + 1 - nb) + 1):
             b, f, cost = _fit_null_space(a, g, half, nk, nb, nf)
             if np.isfinite(cost):
-                found.append((nk, b, f, cost, nf + nb))
-    if not found:
+                candidates.append((nk, b, f, cost, nf + nb))
+    if not candidates:
         return [Model(latest, np.zeros(1), np.zeros(0), 0.0, np.inf)]
     # Coefficients of a linear model of a nonlinear plant scatter more than their covariance says.
-    excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in found))
+    excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in candidates))
     price = float(np.log(len(e)))
-    models = [Model(nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in found]
+    models = [Model(nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in candidates]
     return sorted(models, key=lambda m: m.criterion)
 
 
@@ -215,8 +217,8 @@ def _fit_null_space(
             x = np.linalg.lstsq(W[:, 1:], W[:, 0], rcond=None)[0]
         except (np.linalg.LinAlgError, ValueError):
             return b, f, np.inf
-        left = W[:, 0] - W[:, 1:] @ x
-        f, b, cost = x[:nf], x[nf:], float(left @ left)
+        errors = W[:, 0] - W[:, 1:] @ x
+        f, b, cost = x[:nf], x[nf:], float(errors @ errors)
     return b, f, cost
 
 
@@ -240,10 +242,12 @@ class DelayEstimate:
 
     def __str__(self) -> str:
         if self.nk is None:
-            said = f"no response within {self.high} samples (p = {self.p:.2g} without any)"
-            return f"{said}; check that the columns belong together"
-        between = "" if self.low == self.high else f", {self.low} to {self.high} with {100 * self.level:g} % confidence"
-        return f"nk = {self.nk} ({self.nk * self.Ts:g} s){between}"
+            sentence = f"no response within {self.high} samples (p = {self.p:.2g} without any)"
+            return f"{sentence}; check that the columns belong together"
+        interval = (
+            "" if self.low == self.high else f", {self.low} to {self.high} with {100 * self.level:g} % confidence"
+        )
+        return f"nk = {self.nk} ({self.nk * self.Ts:g} s){interval}"
 
 
 @checked(late=True)
@@ -255,14 +259,14 @@ def delay(data: IOData, input: int = 0, output: int = 0, level: float = 0.99) ->
     Raises InputError for a channel that is not there, for a level that is no probability, and for a record that is too
     short or constant.
     """
-    for what, k, n in (("input", input, data.u.shape[1]), ("output", output, data.y.shape[1])):
+    for role, k, n in (("input", input, data.u.shape[1]), ("output", output, data.y.shape[1])):
         if not 0 <= k < n:
-            raise InputError(f"{what} is {k}; the record has {n}, numbered from 0")
+            raise InputError(f"{role} is {k}; the record has {n}, numbered from 0")
     if not 0.0 < level < 1.0:
         raise InputError(f"level is {level}; give a probability between 0 and 1, for example 0.99")
     with one_blas_thread():
         white = whiten(data, output)
         if white is None:
             raise InputError(f"{data.N} samples are too few, or constant, to see a delay; record more")
-        found = delays.delay_from_input(white, input, 1.0 - level)
-    return DelayEstimate(found.nk, found.low, found.high, found.p, data.Ts, level)
+        estimate = delays.delay_from_input(white, input, 1.0 - level)
+    return DelayEstimate(estimate.nk, estimate.low, estimate.high, estimate.p, data.Ts, level)

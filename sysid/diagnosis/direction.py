@@ -24,9 +24,9 @@ def direction(data: IOData, output: np.ndarray | None = None) -> int:
     model's.
     """
     y = data.y[:, 0] if output is None else np.asarray(output, dtype=float).ravel()
-    found = [t for w in WINDOWS if w * _LEAST <= data.N and (t := _slope(data, y, w)) is not None]
-    sure = [t for t in found if abs(t) > _SURE]
-    if not sure or any(t * sure[0] < 0.0 for t in found if abs(t) > _AGREES):
+    statistics = [t for w in WINDOWS if w * _LEAST <= data.N and (t := _slope(data, y, w)) is not None]
+    sure = [t for t in statistics if abs(t) > _SURE]
+    if not sure or any(t * sure[0] < 0.0 for t in statistics if abs(t) > _AGREES):
         return 0
     return int(np.sign(sure[0]))
 
@@ -49,26 +49,26 @@ def _slope(data: IOData, y: np.ndarray, w: int) -> float | None:
     """The slope of windows of w samples in its standard deviations; 0 if one half of the inputs contradicts."""
     rows, change, begin = [], [], 0
     for e in data.experiments:
-        own = y[begin : begin + e.N]
+        output = y[begin : begin + e.N]
         begin += e.N
         ends = np.arange(0, e.N - w, w)
         if len(ends) == 0:
             continue
         sums = np.concatenate([[0.0], np.cumsum(e.u[:, 0])])
-        rows.append(np.column_stack([np.ones(len(ends)), own[ends], (sums[ends + w] - sums[ends]) / w]))
-        change.append(own[ends + w] - own[ends])
+        rows.append(np.column_stack([np.ones(len(ends)), output[ends], (sums[ends + w] - sums[ends]) / w]))
+        change.append(output[ends + w] - output[ends])
     if not rows:
         return None
     X, d = np.concatenate(rows), np.concatenate(change)
-    known = np.isfinite(X).all(axis=1) & np.isfinite(d)
-    X, d = X[known], d[known]
+    is_known = np.isfinite(X).all(axis=1) & np.isfinite(d)
+    X, d = X[is_known], d[is_known]
     if len(d) < _LEAST:
         return None
     middle = float(np.median(X[:, 2]))
     halves = [_t(X[part], d[part]) for part in (X[:, 2] <= middle, X[:, 2] > middle)]
-    whole = _t(X, d)
-    doubtful = any(t * whole < 0.0 and abs(t) > _AGREES for t in halves)
-    return 0.0 if doubtful else whole
+    statistic = _t(X, d)
+    doubtful = any(t * statistic < 0.0 and abs(t) > _AGREES for t in halves)
+    return 0.0 if doubtful else statistic
 
 
 def _t(X: np.ndarray, d: np.ndarray) -> float:

@@ -35,17 +35,17 @@ class Advice:
 
         Where only Python does it, `action` ends in the call.
         """
-        how = f"in Python, {self.call}" if self.call else ""
+        remedy = f"in Python, {self.call}" if self.call else ""
         if self.command:
-            verb, *more = self.command
-            how = shlex.join(["qpal", verb, path, *options, *more])
-        return replace(self, action=": ".join(part for part in (self.action, how) if part), call="", command=())
+            verb, *verb_options = self.command
+            remedy = shlex.join(["qpal", verb, path, *options, *verb_options])
+        return replace(self, action=": ".join(part for part in (self.action, remedy) if part), call="", command=())
 
 
-def channel(data: IOData, which: str, k: int) -> str:
+def channel(data: IOData, role: str, k: int) -> str:
     """Name of input ("u") or output ("y") k of the record, with its number where there are several."""
-    name = data.u_name if which == "u" else data.y_name
-    many = (data.u if which == "u" else data.y).shape[1] > 1
+    name = data.u_name if role == "u" else data.y_name
+    many = (data.u if role == "u" else data.y).shape[1] > 1
     return f"{name}{k + 1}" if many else name
 
 

@@ -43,13 +43,13 @@ class Piece:
 
 def pieces(data: IOData, i: int, j: int) -> list[Piece]:
     """Input i and output j of the experiments, up to `MOST` samples in all."""
-    found, left = [], MOST
+    parts, remaining = [], MOST
     for e in data.experiments:
-        n = min(e.N, left)
+        n = min(e.N, remaining)
         if n >= 30:
-            found.append(Piece(e.u[:n, i], e.y[:n, j], e.observed[:n, j]))
-            left -= n
-    return found
+            parts.append(Piece(e.u[:n, i], e.y[:n, j], e.observed[:n, j]))
+            remaining -= n
+    return parts
 
 
 @dataclass(frozen=True)
@@ -73,25 +73,25 @@ class Profile:
     def model(self, nk: int, nf: int, nb: int, f: np.ndarray) -> Model:
         """The best model of this delay and these orders, from the denominator f (nf,)."""
         f = _inside(f)
-        here = self._solved(nk, nb, f)
+        solution = self._solved(nk, nb, f)
         for _ in range(_STEPS if nf else 0):
-            step = self._step(f, here)
-            scale, tried = 1.0, here
+            step = self._step(f, solution)
+            scale, trial = 1.0, solution
             while scale > 0.01:
                 g = _inside(f + scale * step)
-                tried = self._solved(nk, nb, g)
-                if tried.loss < here.loss:
+                trial = self._solved(nk, nb, g)
+                if trial.loss < solution.loss:
                     break
                 scale *= 0.3
             else:
                 break
-            gain = here.loss - tried.loss
-            f, here = g, tried
-            if gain < 1e-4 * here.loss:
+            gain = solution.loss - trial.loss
+            f, solution = g, trial
+            if gain < 1e-4 * solution.loss:
                 break
-        M = len(here.e)
-        criterion = M * np.log(here.loss / M + 1e-300) + (nf + nb) * np.log(M)
-        return Model(nk, here.b, f, criterion, here.loss / max(M - nf - nb, 1))
+        M = len(solution.e)
+        criterion = M * np.log(solution.loss / M + 1e-300) + (nf + nb) * np.log(M)
+        return Model(nk, solution.b, f, criterion, solution.loss / max(M - nf - nb, 1))
 
     def whiten(self, best: Model) -> None:
         """Take the colour of the errors of this model for all further ones."""
@@ -106,33 +106,33 @@ class Profile:
         white = columns[m:].copy()
         for k, c in enumerate(self.colour[1:], 1):
             white += c * columns[m - k : m - k + n]
-        seen = part.seen
-        keep = np.convolve(~seen, np.ones(m + 1))[m : len(seen)] == 0 if not seen.all() else slice(None)
+        observed = part.seen
+        keep = np.convolve(~observed, np.ones(m + 1))[m : len(observed)] == 0 if not observed.all() else slice(None)
         return np.asarray(white[keep])
 
     def _solved(self, nk: int, nb: int, f: np.ndarray) -> "_Solved":
         """The best b for a denominator; initial states and a constant belong to each experiment."""
-        each = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
-        X, y = self._stacked(each, nb)
+        columns = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
+        X, y = self._stacked(columns, nb)
         c, e = _least(X, y)
-        return _Solved(float(e @ e), c[:nb], e, each, X)
+        return _Solved(float(e @ e), c[:nb], e, columns, X)
 
-    def _step(self, f: np.ndarray, here: "_Solved") -> np.ndarray:
+    def _step(self, f: np.ndarray, solution: "_Solved") -> np.ndarray:
         """Gauss-Newton step of f with b and the initial states solved for (variable projection, Kaufman's form)."""
-        nf, nb, den = len(f), len(here.b), np.concatenate([[1.0], f])
-        slopes = [lfilter([1.0], den, -(free[:, :nb] @ here.b)) for free in here.each]
+        nf, nb, den = len(f), len(solution.b), np.concatenate([[1.0], f])
+        slopes = [lfilter([1.0], den, -(free[:, :nb] @ solution.b)) for free in solution.each]
         columns = [np.column_stack([_late(s, j) for j in range(1, nf + 1)]) for s in slopes]
         J = self._stacked(columns, nf)[0]
-        return _least(np.column_stack([J, here.X]), here.e)[0][:nf]
+        return _least(np.column_stack([J, solution.X]), solution.e)[0][:nf]
 
-    def _stacked(self, each: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
+    def _stacked(self, columns_of_parts: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
         rows, ys = [], []
-        for k, (part, columns) in enumerate(zip(self.parts, each, strict=True)):
+        for k, (part, columns) in enumerate(zip(self.parts, columns_of_parts, strict=True)):
             white = self._filtered(np.column_stack([columns, part.y]), part)
-            own = white.shape[1] - 1 - common
-            wide = np.zeros((len(white), common + own * len(each)))
+            width = white.shape[1] - 1 - common
+            wide = np.zeros((len(white), common + width * len(columns_of_parts)))
             wide[:, :common] = white[:, :common]
-            wide[:, common + k * own : common + (k + 1) * own] = white[:, common:-1]
+            wide[:, common + k * width : common + (k + 1) * width] = white[:, common:-1]
             rows.append(wide)
             ys.append(white[:, -1])
         return np.concatenate(rows), np.concatenate(ys)
@@ -179,12 +179,14 @@ def _companion(f: np.ndarray) -> np.ndarray:
 
 def _autoregression(pieces: list[np.ndarray]) -> np.ndarray:
     """The whitening filter (m + 1,) of the order that AIC prefers."""
-    most = min(_COLOURS, min(len(v) for v in pieces) // 10)
-    X = np.concatenate([np.column_stack([v[most - k : len(v) - k] for k in range(most + 1)]) for v in pieces])
-    best, found = np.inf, np.ones(1)
-    for m in range(most + 1):
+    highest_order = min(_COLOURS, min(len(v) for v in pieces) // 10)
+    X = np.concatenate(
+        [np.column_stack([v[highest_order - k : len(v) - k] for k in range(highest_order + 1)]) for v in pieces]
+    )
+    best, whitening_filter = np.inf, np.ones(1)
+    for m in range(highest_order + 1):
         c = np.linalg.lstsq(X[:, 1 : m + 1], X[:, 0], rcond=1e-10)[0] if m else np.zeros(0)
         aic = len(X) * np.log(np.mean((X[:, 0] - X[:, 1 : m + 1] @ c) ** 2) + 1e-300) + 2 * m
         if aic < best - 1e-9:
-            best, found = aic, np.concatenate([[1.0], -c])
-    return found
+            best, whitening_filter = aic, np.concatenate([[1.0], -c])
+    return whitening_filter

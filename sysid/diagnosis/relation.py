@@ -34,12 +34,12 @@ def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
 def _drift(y: str, white: Whitened) -> Advice:
     p = drift(white)
     if p >= LEVEL:
-        said = f"{y} has no linear drift that the input does not explain (p = {p:.2g})"
-        return Advice("drift", said, p, "", "fine")
+        sentence = f"{y} has no linear drift that the input does not explain (p = {p:.2g})"
+        return Advice("drift", sentence, p, "", "fine")
     size = drift_size(white)
     if size < _CREEP:
-        said = f"{y} has a linear drift of {size:.2g} standard deviations only (p = {p:.2g})"
-        return Advice("drift", said, p, "", "fine")
+        sentence = f"{y} has a linear drift of {size:.2g} standard deviations only (p = {p:.2g})"
+        return Advice("drift", sentence, p, "", "fine")
     return Advice(
         "drift",
         f"{y} has a linear drift of {size:.2g} standard deviations that the input does not explain (p = {p:.2g})",
@@ -121,16 +121,16 @@ def _feedback(u: str, y: str, p: float | None) -> Advice:
 
 
 def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
-    found = nonlinearity(white, nk)
-    if found is None:
+    effect = nonlinearity(white, nk)
+    if effect is None:
         return Advice("nonlinearity", f"a nonlinearity of {y} cannot be tested with these data", 1.0, "", "note")
-    share = f"{100 * found.share:.1f} % of the linear model's one-step error"
-    said = f"squares and cubes explain {share} (p = {found.p_value:.2g})"
-    if found.p_value >= LEVEL:
+    share = f"{100 * effect.share:.1f} % of the linear model's one-step error"
+    sentence = f"squares and cubes explain {share} (p = {effect.p_value:.2g})"
+    if effect.p_value >= LEVEL:
         return Advice(
             "nonlinearity",
-            f"{y}: {said}, no sign of a nonlinearity",
-            found.p_value,
+            f"{y}: {sentence}, no sign of a nonlinearity",
+            effect.p_value,
             "start linear",
             "fine",
             None,
@@ -138,8 +138,8 @@ def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
         )
     return Advice(
         "nonlinearity",
-        f"{y}: {said}",
-        found.p_value,
+        f"{y}: {sentence}",
+        effect.p_value,
         "add an input or an output map",
         "note",
         call=f"sysid.fit(sysid.structures.hammerstein_wiener(nb=2, nf=3, nk={nk}), data)",
@@ -160,8 +160,8 @@ def _rate(data: IOData, d: Delay, u: str, y: str) -> Advice:
             "expect a pole near 1, and record longer if the plant does not integrate",
             "note",
         )
-    found = [n for n, settled in rises if settled and n is not None]
-    low, high = min(found), max(found)
+    rise_samples = [n for n, settles_too in rises if settles_too and n is not None]
+    low, high = min(rise_samples), max(rise_samples)
     tau = f"{y} reaches 63 % of its response to a step of {u} after {samples} samples ({samples * data.Ts:.3g} s)"
     swing = min(signals.swing(m.f) for m in d.models)
     if high < 3 and not 6.0 <= swing < np.inf and signals.reaches(data.u, _FAST):

@@ -89,9 +89,9 @@ def chance(r: np.ndarray, bound: float, level: float) -> bool:
     widened for all n lags together (Bonferroni).
     """
     n = len(r)
-    widened = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
-    outside = int(np.sum(np.abs(r) > bound))
-    return bool(outside <= _allowed(n, level) and np.all(np.abs(r) <= widened))
+    joint_bound = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
+    count = int(np.sum(np.abs(r) > bound))
+    return bool(count <= _allowed(n, level) and np.all(np.abs(r) <= joint_bound))
 
 
 def _allowed(n: int, level: float) -> int:
@@ -124,7 +124,7 @@ def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float
     Re, Ru = _covariance(e, e, max_lag), _covariance(u, u, max_lag)
     scale_e, scale_u = Re[max_lag] or 1.0, Ru[max_lag] or 1.0
     z = float(ndtri(0.5 + level / 2.0))
-    both = np.sqrt(scale_e * scale_u)
+    scale = np.sqrt(scale_e * scale_u)
     # Products of covariances are a covariance too, so Bartlett's weights leave no negative sum.
     wide = min(max(max_lag, int(2 * np.sqrt(N))), N - 1)
     bartlett = 1.0 - np.abs(np.arange(-wide, wide + 1)) / (wide + 1)
@@ -134,8 +134,8 @@ def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float
         autocorrelation=Re[max_lag:] / scale_e,
         whiteness_bound=z / np.sqrt(N),
         cross_lags=np.arange(-max_lag, max_lag + 1),
-        cross_correlation=_covariance(e, u, max_lag) / both,
-        independence_bound=z * float(np.sqrt(max(spread, 0.0) / N)) / both,
+        cross_correlation=_covariance(e, u, max_lag) / scale,
+        independence_bound=z * float(np.sqrt(max(spread, 0.0) / N)) / scale,
         level=level,
         independence_p=_independence_p_value(e, u, max_lag),
     )
@@ -202,8 +202,8 @@ class CrossTest:
         bound in groups.
         """
         n = len(self.correlation)
-        widened = self.bound * float(ndtri(1.0 - (1.0 - self.level) / (2 * n)) / ndtri(0.5 + self.level / 2))
-        return bool(np.all(np.abs(self.correlation) <= widened))
+        joint_bound = self.bound * float(ndtri(1.0 - (1.0 - self.level) / (2 * n)) / ndtri(0.5 + self.level / 2))
+        return bool(np.all(np.abs(self.correlation) <= joint_bound))
 
 
 @dataclass(frozen=True)

@@ -62,8 +62,8 @@ def rests(y: np.ndarray, noise: float = 0.0) -> Rest:
     y = np.asarray(y, dtype=float).ravel()
     band = min(max(0.005 * float(np.ptp(y)), 6.0 * noise), 0.05 * float(np.ptp(y)))
 
-    def share(near: np.ndarray) -> float:
-        return float(np.mean(near[1:-1] & near[:-2] & near[2:])) if len(near) > 2 else 0.0
+    def share(in_band: np.ndarray) -> float:
+        return float(np.mean(in_band[1:-1] & in_band[:-2] & in_band[2:])) if len(in_band) > 2 else 0.0
 
     return Rest(share(y <= y.min() + band), share(y >= y.max() - band), band)
 
@@ -91,8 +91,8 @@ def rise(b: np.ndarray, a: np.ndarray, longest: int) -> tuple[int | None, bool]:
 
     with np.errstate(over="ignore", invalid="ignore"):
         g = np.asarray(lfilter(b, a, np.ones(longest)))
-    tail, before = g[-longest // 10 :], g[-longest // 5 : -longest // 10]
-    if not np.all(np.isfinite(g)) or abs(tail.mean() - before.mean()) > 0.02 * float(np.ptp(g)) or tail.mean() == 0:
+    tail, earlier = g[-longest // 10 :], g[-longest // 5 : -longest // 10]
+    if not np.all(np.isfinite(g)) or abs(tail.mean() - earlier.mean()) > 0.02 * float(np.ptp(g)) or tail.mean() == 0:
         return None, False
     return int(np.argmax(np.abs(g) >= (1 - np.exp(-1.0)) * abs(tail.mean()))), True
 
@@ -116,12 +116,12 @@ def reaches(u: np.ndarray, frequency: float) -> bool:
 def wrap_warning(data: IOData, j: int) -> Advice | None:
     """The warning about output j if it jumps by a turn or as a counter that begins again; None if it does not."""
     name = channel(data, "y", j)
-    unit, whole = data.y_unit, not np.any(data.y[:, j] % 1.0)
+    unit, is_integer = data.y_unit, not np.any(data.y[:, j] % 1.0)
     missing = None if data.missing is None else data.missing[:, [j]]
     if missing is not None and missing.any():
         return None
     angles = {"rad": (2.0 * math.pi,), "deg": (360.0,), "°": (360.0,)}
-    turns = angles.get(unit, tuple(2.0**bits for bits in COUNTER_BITS) + ENCODER_COUNTS if whole else ())
+    turns = angles.get(unit, tuple(2.0**bits for bits in COUNTER_BITS) + ENCODER_COUNTS if is_integer else ())
     for turn in turns:
         y = [e.y[:, j] for e in data.experiments]
         if max(float(np.ptp(part)) for part in y) < 0.7 * turn:
@@ -133,45 +133,47 @@ def wrap_warning(data: IOData, j: int) -> Advice | None:
         times = "once" if count == 1 else f"{count} times"
         bits = next((bits for bits in COUNTER_BITS if turn == 2.0**bits), 0)
         if bits and unit not in angles:
-            said = f"{name} is a counter of {bits} bits that passes 0 {times}, not an output that jumps"
+            sentence = f"{name} is a counter of {bits} bits that passes 0 {times}, not an output that jumps"
             if all(_is_signed_counter(a, b.data.y[:, 0], turn) for a, b in zip(y, parts, strict=True)):
                 todo = f"write the mapping, set signed = {bits} in its [[output]], and give it with --map"
-                return Advice(WRAPS, said, count, todo, "warning", command=("info", "--write-map", MAP_FILE))
+                return Advice(WRAPS, sentence, count, todo, "warning", command=("info", "--write-map", MAP_FILE))
         else:
-            said = f"{name} jumps {times} by a turn of {turn:.4g} {unit or 'counts'}, as a sensor within one turn does"
+            sentence = (
+                f"{name} jumps {times} by a turn of {turn:.4g} {unit or 'counts'}, as a sensor within one turn does"
+            )
         todo = "log the angle over turns, or undo the wraps in Python before the fit"
-        return Advice(WRAPS, said, count, todo, "warning", call="sysid.data.wraps.unwrapped(data).data")
+        return Advice(WRAPS, sentence, count, todo, "warning", call="sysid.data.wraps.unwrapped(data).data")
     return None
 
 
-def _is_signed_counter(y: np.ndarray, whole: np.ndarray, turn: float) -> bool:
+def _is_signed_counter(y: np.ndarray, unwrapped_values: np.ndarray, turn: float) -> bool:
     """Whether a counter as a signed word has no jump: it then is the unwrapped one but for whole turns."""
-    offset = np.where(y >= 0.5 * turn, y - turn, y) - whole
+    offset = np.where(y >= 0.5 * turn, y - turn, y) - unwrapped_values
     return bool(np.ptp(offset) == 0)
 
 
-def missing_code(y: np.ndarray, found: np.ndarray) -> float | None:
+def missing_code(y: np.ndarray, mask: np.ndarray) -> float | None:
     """The number that all found samples (N,) have, if it lies far outside the others, as -9999 does; else None."""
-    odd, sound = np.unique(y[found]), y[~found]
-    if len(odd) != 1 or not len(sound) or found.sum() < 2:
+    odd, sound = np.unique(y[mask]), y[~mask]
+    if len(odd) != 1 or not len(sound) or mask.sum() < 2:
         return None
-    away = max(float(sound.min()) - odd[0], odd[0] - float(sound.max()))
-    return float(odd[0]) if away > _FAR_RANGES * float(np.ptp(sound)) else None
+    distance = max(float(sound.min()) - odd[0], odd[0] - float(sound.max()))
+    return float(odd[0]) if distance > _FAR_RANGES * float(np.ptp(sound)) else None
 
 
-def constant_warning(data: IOData, which: str, k: int) -> Advice | None:
+def constant_warning(data: IOData, role: str, k: int) -> Advice | None:
     """The warning about input ("u") or output ("y") k if all its samples are one number; None if it moves."""
-    values, unit = (data.u[:, k], data.u_unit) if which == "u" else (data.y[:, k], data.y_unit)
+    values, unit = (data.u[:, k], data.u_unit) if role == "u" else (data.y[:, k], data.y_unit)
     if np.ptp(values) != 0.0:
         return None
-    said = f"{channel(data, which, k)} is {_value_in_words(float(values[0]), unit)} in all {data.N} samples"
-    why = (
+    sentence = f"{channel(data, role, k)} is {_value_in_words(float(values[0]), unit)} in all {data.N} samples"
+    cause = (
         "it excites nothing, so the record shows no model"
-        if which == "u"
+        if role == "u"
         else "a sensor that does not read, or a plant that did not move"
     )
-    todo = f"record again while the {'input' if which == 'u' else 'output'} moves, or choose another column"
-    return Advice("data", f"{said}: {why}", float(data.N), todo, "warning")
+    todo = f"record again while the {'input' if role == 'u' else 'output'} moves, or choose another column"
+    return Advice("data", f"{sentence}: {cause}", float(data.N), todo, "warning")
 
 
 def stuck_warning(data: IOData, j: int) -> Advice | None:
@@ -182,12 +184,12 @@ def stuck_warning(data: IOData, j: int) -> Advice | None:
     runs = np.diff(edges)
     longest = int(np.argmax(runs))
     first, n = int(edges[longest]), int(runs[longest])
-    at = np.arange(data.N)
-    during = (at >= first) & (at < first + n)
-    if n < STUCK_SHARE * data.N or during.all() or len(data.lengths) > 1 or not data.observed[during, j].all():
+    samples = np.arange(data.N)
+    in_rest = (samples >= first) & (samples < first + n)
+    if n < STUCK_SHARE * data.N or in_rest.all() or len(data.lengths) > 1 or not data.observed[in_rest, j].all():
         return None
     low, high = np.quantile(data.u, MIDDLE, axis=0)
-    now_low, now_high = np.quantile(data.u[during], COVERED, axis=0)
+    now_low, now_high = np.quantile(data.u[in_rest], COVERED, axis=0)
     if not np.any((now_low < low) & (high < now_high)):
         return None
     start, stop = first * data.Ts, (first + n) * data.Ts
@@ -198,8 +200,8 @@ def stuck_warning(data: IOData, j: int) -> Advice | None:
         f"{share:.0f} % of the record, while the input moves: a sensor that died, or a plant that stuck"
     )
     end = first + n >= data.N
-    kept = (0.0, start) if end or first >= data.N - first - n else (stop, data.N * data.Ts)
-    span = f"{kept[0]:.4g}:{kept[1]:.4g}" if end or kept[0] == 0.0 else f"{kept[0]:.4g}:"
+    moving_part = (0.0, start) if end or first >= data.N - first - n else (stop, data.N * data.Ts)
+    span = f"{moving_part[0]:.4g}:{moving_part[1]:.4g}" if end or moving_part[0] == 0.0 else f"{moving_part[0]:.4g}:"
     return Advice(
         "data", sentence, share, "use the part in which it moves", "warning", command=("identify", "--range", span)
     )

@@ -46,10 +46,10 @@ def orthonormal_columns(X: np.ndarray) -> np.ndarray:
 def joint_test(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
     """Test of the columns `extra` (M, k) beyond the orthonormal Q (M, r), for the errors e (M,) without them."""
     extra = extra - extra.mean(axis=0)
-    left = extra / _column_norms(extra)
+    residue = extra / _column_norms(extra)
     for _ in range(2):  # twice is enough (Kahan, in Parlett 1980)
-        left = left - Q @ (Q.T @ left)
-    U, size, _ = np.linalg.svd(left, full_matrices=False)
+        residue = residue - Q @ (Q.T @ residue)
+    U, size, _ = np.linalg.svd(residue, full_matrices=False)
     U = U[:, size > _NEW_DIRECTION]
     return Directions(U, U.T @ e, p_value(Q, U, e), float(np.sum((U.T @ e) ** 2)) / (float(e @ e) or 1.0))
 
@@ -62,13 +62,13 @@ def p_value(Q: np.ndarray, U: np.ndarray, e: np.ndarray) -> float:
     return wald_p_value(s, robust_covariance(np.hstack([Q, U]), U, e - U @ s), len(e) - Q.shape[1] - U.shape[1])
 
 
-def robust_covariance(Q: np.ndarray, U: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """Covariance (k, k) of U'e for errors `left` after the orthonormal Q (M, r), which holds U.
+def robust_covariance(Q: np.ndarray, U: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """Covariance (k, k) of U'e for errors `errors` after the orthonormal Q (M, r), which holds U.
 
     Robust to errors whose size changes along the record (White 1980, in the form HC3 of MacKinnon and White 1985).
     """
     leverage = np.minimum(np.sum(Q**2, axis=1), _LEVERAGE)
-    half = U * (left / (1.0 - leverage))[:, None]
+    half = U * (errors / (1.0 - leverage))[:, None]
     return np.asarray(half.T @ half)
 
 
@@ -172,12 +172,12 @@ def whiten(data: IOData, output: int = 0) -> Whitened | None:
 
 def _pieces(data: IOData) -> list[IOData]:
     """The experiments up to `LONGEST` samples in all."""
-    left, found = LONGEST, []
+    remaining, parts = LONGEST, []
     for e in data.experiments:
-        if left >= 2:
-            found.append(e.select(0, min(e.N, left)))
-            left -= e.N
-    return found
+        if remaining >= 2:
+            parts.append(e.select(0, min(e.N, remaining)))
+            remaining -= e.N
+    return parts
 
 
 def _design(
@@ -187,9 +187,9 @@ def _design(
     blocks, ys, times, rows, start = [], [], [], [], 0
     for e in _pieces(data):
         t = np.arange(first, e.N)
-        seen = e.observed[:, output]
+        observed = e.observed[:, output]
         for k in range(p + 1):
-            t = t[seen[t - k]]
+            t = t[observed[t - k]]
         past = [e.y[t - k, output] for k in range(1, p + 1)]
         inputs = [e.u[t - k, i] for i in range(e.u.shape[1]) for k in range(p + 1)]
         blocks.append(np.column_stack([np.ones(len(t)), *past, *inputs]))
@@ -206,15 +206,15 @@ def free_run(white: Whitened) -> np.ndarray:
     Only the first samples of each experiment, which give its initial state, are measured ones.
     """
     p, c = white.order, white.regression.c
-    a, found = np.concatenate([[1.0], -c[1 : p + 1]]), []
+    a, runs = np.concatenate([[1.0], -c[1 : p + 1]]), []
     for e, rows in zip(_pieces(white.data), white.rows, strict=True):
-        seen, y = e.observed[:, white.output], e.y[:, white.output]
-        first = np.where(seen, y, y[seen].mean() if seen.any() else 0.0)[:p]
-        forced = c[0] + sum(lfilter(c[white.lags(i)], [1.0], e.u[:, i]) for i in range(e.u.shape[1]))
+        observed, y = e.observed[:, white.output], e.y[:, white.output]
+        first = np.where(observed, y, y[observed].mean() if observed.any() else 0.0)[:p]
+        forcing = c[0] + sum(lfilter(c[white.lags(i)], [1.0], e.u[:, i]) for i in range(e.u.shape[1]))
         with np.errstate(over="ignore", invalid="ignore"):
-            after = lfilter([1.0], a, forced[p:], zi=lfiltic([1.0], a, first[::-1]))[0]
-        found.append(np.concatenate([first, after])[rows])
-    return np.concatenate(found)
+            response = lfilter([1.0], a, forcing[p:], zi=lfiltic([1.0], a, first[::-1]))[0]
+        runs.append(np.concatenate([first, response])[rows])
+    return np.concatenate(runs)
 
 
 def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
@@ -226,10 +226,10 @@ def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     plant is a function of the input, and over many samples a trace of it follows later inputs too.
     """
     columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
-    found = white.added(np.column_stack(columns), np.all(has, axis=0))
-    if not found.U.shape[1]:
+    directions = white.added(np.column_stack(columns), np.all(has, axis=0))
+    if not directions.U.shape[1]:
         return None
-    return found.p if found.share >= _LOOP else 1.0
+    return directions.p if directions.share >= _LOOP else 1.0
 
 
 @dataclass(frozen=True)
@@ -252,9 +252,9 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
         white.lags(i).start + k for i in range(white.data.u.shape[1]) for k in range(min(nk, p), min(nk + 2, p) + 1)
     ]
     signals = [white.X[:, k] for k in (*lags, 1, 2)]
-    scaled = [(s - s.mean()) / (s.std() or 1.0) for s in signals]
-    found = white.added(np.column_stack([f for s in scaled for f in (s**2, s**3)]))
-    return Nonlinearity(found.p, found.share) if found.U.shape[1] else None
+    standardised = [(s - s.mean()) / (s.std() or 1.0) for s in signals]
+    directions = white.added(np.column_stack([f for s in standardised for f in (s**2, s**3)]))
+    return Nonlinearity(directions.p, directions.share) if directions.U.shape[1] else None
 
 
 def bent_effect(white: Whitened, i: int = 0) -> float:
@@ -262,9 +262,9 @@ def bent_effect(white: Whitened, i: int = 0) -> float:
 
     A plant with friction, or one whose input enters with its size, may show no linear lag at all.
     """
-    own, last = white.lags(i), white.X[:, 1]
+    input_lags, last = white.lags(i), white.X[:, 1]
     columns = []
-    for k in range(own.start, min(own.start + _BENT, own.stop)):
+    for k in range(input_lags.start, min(input_lags.start + _BENT, input_lags.stop)):
         x = white.X[:, k] - white.X[:, k].mean()
         x = x / (x.std() or 1.0)
         columns += [x**2, x**3, np.abs(x), x * last]

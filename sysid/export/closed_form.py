@@ -23,9 +23,9 @@ def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset:
     lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s", *_levels(fit, digits, u_offset, y_offset)]
     if isinstance(fit, NlarxFit):
         return "\n".join([*lines, "", *network_equations(fit, digits)]) + "\n"
-    wired = layers(fit.model, fit.theta)
+    layers_of_fit = layers(fit.model, fit.theta)
     names, signals = _signals(fit), _channels("u", fit.model.channels[0])
-    for block, layer, name in zip(fit.model.blocks, wired, names, strict=True):
+    for block, layer, name in zip(fit.model.blocks, layers_of_fit, names, strict=True):
         outputs = _channels(name, len(layer))
         lines += ["", f"{block.role}:"]
         unit = whole(layer)

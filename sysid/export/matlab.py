@@ -35,9 +35,9 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
     identifier(name)
     if name in TAKEN:
         raise InputError(f"{name!r} has a meaning in MATLAB; give another name")
-    found, (n_in, n_out) = program(fit, "python", u_offset, y_offset), channel_counts(fit)
+    exported, (n_in, n_out) = program(fit, "python", u_offset, y_offset), channel_counts(fit)
     form = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().split("\n")
-    states = [_state(unit, code) for unit, code in found.codes.items() if code.state]
+    states = [_state(unit, code) for unit, code in exported.codes.items() if code.state]
     parts = [
         "\n".join(
             [
@@ -59,8 +59,8 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
             ]
         ),
         "\n".join([f"function state = {name}_initial()", "    state = struct();", *states, "end"]),
-        "\n".join([f"function [y, state] = {name}_sample(u, state)", *_steps(name, found), "end"]),
-        *(_function(f"{name}_{unit}", code) for unit, code in found.codes.items()),
+        "\n".join([f"function [y, state] = {name}_sample(u, state)", *_steps(name, exported), "end"]),
+        *(_function(f"{name}_{unit}", code) for unit, code in exported.codes.items()),
     ]
     if any(f"{PICK}(" in part for part in parts[3:]):
         parts.append(_PICK)
@@ -90,23 +90,23 @@ def _function(unit: str, code: Code) -> str:
     return "\n".join([head, *tables, *(f"    {line}" for line in matlab(code.body)), "end"])
 
 
-def _steps(name: str, found: Program) -> list[str]:
-    signals = [_less(f"u({i})", offset) for i, offset in enumerate(found.u_offset, 1)]
+def _steps(name: str, exported: Program) -> list[str]:
+    signals = [_less(f"u({i})", offset) for i, offset in enumerate(exported.u_offset, 1)]
     lines: list[str] = []
-    for k, layer in enumerate(found.layers, 1):
+    for k, layer in enumerate(exported.layers, 1):
         unit = whole(layer)
         if unit is not None:
-            lines.append(_call(name, f"x{k}", unit, found.codes[unit.name], f"[{', '.join(signals)}]"))
+            lines.append(_call(name, f"x{k}", unit, exported.codes[unit.name], f"[{', '.join(signals)}]"))
             signals = [f"x{k}({j})" for j in range(1, len(layer) + 1)]
             continue
         names = []
         for j, row in enumerate(layer, 1):
             terms = [f"x{k}_{j}" if len(row) == 1 else f"x{k}_{j}_{i}" for i in range(1, len(row) + 1)]
             for term, (part, i) in zip(terms, row, strict=True):
-                lines.append(_call(name, term, part, found.codes[part.name], signals[i]))
+                lines.append(_call(name, term, part, exported.codes[part.name], signals[i]))
             names.append(terms[0] if len(terms) == 1 else f"({' + '.join(terms)})")
         signals = names
-    ends = [_less(s, -offset) for s, offset in zip(signals, found.y_offset, strict=True)]
+    ends = [_less(s, -offset) for s, offset in zip(signals, exported.y_offset, strict=True)]
     return [*lines, f"    y = [{', '.join(ends)}];"]
 
 
@@ -116,7 +116,7 @@ def _less(signal: str, offset: float) -> str:
     return signal if value == 0.0 else f"({signal} {'-' if offset > 0 else '+'} {number(value)})"
 
 
-def _call(name: str, to: str, unit: Unit, code: Code, x: str) -> str:
+def _call(name: str, target: str, unit: Unit, code: Code, x: str) -> str:
     if code.state:
-        return f"    [{to}, state.{unit.name}] = {name}_{unit.name}(state.{unit.name}, {x});"
-    return f"    {to} = {name}_{unit.name}({x});"
+        return f"    [{target}, state.{unit.name}] = {name}_{unit.name}(state.{unit.name}, {x});"
+    return f"    {target} = {name}_{unit.name}({x});"

@@ -66,10 +66,10 @@ def _statement(s: ast.stmt) -> list[str]:
 
 def _assign(target: ast.expr, value: ast.expr) -> list[str]:
     if isinstance(target, ast.Tuple):
-        whole = value.value if isinstance(value, ast.Subscript) else value
-        if not isinstance(whole, ast.Name):
+        sequence = value.value if isinstance(value, ast.Subscript) else value
+        if not isinstance(sequence, ast.Name):
             raise _refused(value)
-        return [f"{show(t)} = {show(whole)}({k});" for k, t in enumerate(target.elts, 1)]
+        return [f"{show(t)} = {show(sequence)}({k});" for k, t in enumerate(target.elts, 1)]
     if isinstance(value, ast.IfExp):  # as a statement, only the chosen side is evaluated
         lines = [f"if {show(value.test)}", *_indented(_assign(target, value.body))]
         return [*lines, "else", *_indented(_assign(target, value.orelse)), "end"]
@@ -83,10 +83,10 @@ def _if(s: ast.If, word: str) -> list[str]:
     return [*lines, *(["else", *_indented(_block(s.orelse))] if s.orelse else [])]
 
 
-def show(e: ast.expr, around: int = 0) -> str:
+def show(e: ast.expr, outer_binding: int = 0) -> str:
     """An expression, in brackets where what is around it binds more tightly."""
     text, binds = _expression(e)
-    return f"({text})" if binds < around else text
+    return f"({text})" if binds < outer_binding else text
 
 
 def _expression(e: ast.expr) -> tuple[str, int]:
@@ -129,9 +129,9 @@ def _binary(e: ast.BinOp) -> tuple[str, int]:
     if type(e.op) not in _BINARY:
         raise _refused(e)
     sign, binds = _BINARY[type(e.op)]
-    left, right = show(e.left, binds + (sign == "^")), show(e.right, binds + 1)
+    left_text, right = show(e.left, binds + (sign == "^")), show(e.right, binds + 1)
     space = "" if sign == "^" else " "
-    return f"{left}{space}{sign}{space}{right}", binds
+    return f"{left_text}{space}{sign}{space}{right}", binds
 
 
 def _inside(e: ast.expr) -> str:
@@ -164,8 +164,12 @@ def _index(e: ast.expr, row: str) -> str:
     first = "1" if e.lower is None else _later(e.lower)
     if e.upper is None:
         return f"{first}:end"
-    back = e.upper.operand if isinstance(e.upper, ast.UnaryOp) and isinstance(e.upper.op, ast.USub) else None
-    return f"{first}:{show(e.upper, _SUM) if back is None else f'end - {show(back, _PRODUCT)}'}"
+    distance_from_end = (
+        e.upper.operand if isinstance(e.upper, ast.UnaryOp) and isinstance(e.upper.op, ast.USub) else None
+    )
+    return (
+        f"{first}:{show(e.upper, _SUM) if distance_from_end is None else f'end - {show(distance_from_end, _PRODUCT)}'}"
+    )
 
 
 def _later(e: ast.expr) -> str:

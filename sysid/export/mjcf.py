@@ -73,11 +73,11 @@ class Fragment:
             "</body>",
         ]
         body = [*([self.rotor] if self.rotor else []), *link]
-        said = [f"       {sentence}" for sentence in self.left_out] or ["       nothing"]
+        sentences = [f"       {sentence}" for sentence in self.left_out] or ["       nothing"]
         lines = [
             f'<mujoco model="{self.joint}">',
             "  <!-- The joint as identified, in SI units. Not held by these elements:",
-            *said,
+            *sentences,
             "  -->",
             '  <compiler angle="radian" autolimits="true"/>',
             f'  <option timestep="{STEP}" integrator="implicitfast" tolerance="1e-12"/>',
@@ -150,36 +150,44 @@ class _Parts:
     )
 
     def _missing(self, chain, value: dict[str, float]) -> tuple[str, ...]:
-        found = []
+        sentences = []
         if value["loss"] > 0.0:
             low = self.lower if np.isfinite(self.lower) else min(self.first, self.upper) - self.stroke
             ends = (low, self.upper if np.isfinite(self.upper) else max(self.first, low) + self.stroke)
             x = np.linspace(*ends, 101)
             share = value["loss"] * float(np.mean(np.abs(self._load_at(x))))
             self.friction += share
-            found.append(f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss")
+            sentences.append(
+                f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss"
+            )
         if value["jam"] > 0.0:
-            found.append("jamming at a struck stop")
+            sentences.append("jamming at a struck stop")
         if self.motor.sided:
-            found.append("friction at rest that differs by direction: its mean is in lugre")
+            sentences.append("friction at rest that differs by direction: its mean is in lugre")
         if self.motor.periodic:
-            found.append("the periodic load over the angle: your link's weight takes its place")
+            sentences.append("the periodic load over the angle: your link's weight takes its place")
         if len(self.motor.ends) == 1:
-            other = "upper" if self.motor.ends == ("lower",) else "lower"
-            found.append(f"the {other} stop, which the fit does not know: give the joint a range of your own")
+            missing_side = "upper" if self.motor.ends == ("lower",) else "lower"
+            sentences.append(
+                f"the {missing_side} stop, which the fit does not know: give the joint a range of your own"
+            )
         if isinstance(self.play, CoastingPlay):
-            found.append("the flight of the link within its play: the inertia and weight of your link take its place")
-        known = (Motor, TravelMap, Play, CoastingPlay)
+            sentences.append(
+                "the flight of the link within its play: the inertia and weight of your link take its place"
+            )
+        exportable = (Motor, TravelMap, Play, CoastingPlay)
         for block in chain.blocks:
             if isinstance(block, Quantiser):
-                found.append("levels of the driver: round the command before it reaches ctrl")
-            elif not isinstance(block, known):
-                found.append(f"the {block.role} ({type(block).__name__}): apply it to ctrl or to the reading yourself")
-        return tuple(found)
+                sentences.append("levels of the driver: round the command before it reaches ctrl")
+            elif not isinstance(block, exportable):
+                sentences.append(
+                    f"the {block.role} ({type(block).__name__}): apply it to ctrl or to the reading yourself"
+                )
+        return tuple(sentences)
 
     def _load_at(self, x: np.ndarray) -> np.ndarray:
-        away = x - self.motor.at
-        return self.load[0] + self.load[1] * away + self.load[2] * away**2
+        offset = x - self.motor.at
+        return self.load[0] + self.load[1] * offset + self.load[2] * offset**2
 
     def direct(self, joint: str, per_volt: float, link_inertia: float) -> Fragment:
         """Motor and joint share one coordinate."""
@@ -193,7 +201,7 @@ class _Parts:
         quartic = self._quartic()
         # MuJoCo couples changes from the initial pose: the motor stands where the joint's angle is 0, or nearest to it.
         rest = _nearest(quartic)
-        shifted = quartic(np.polynomial.Polynomial([rest, 1.0])).coef
+        coefficients_at_rest = quartic(np.polynomial.Polynomial([rest, 1.0])).coef
         ratio = float(quartic.deriv()(0.5))
         per_volt = torque_per_volt * abs(ratio)  # the same power at mid stroke
         inertia = self._inertia(per_volt, link_inertia * ratio**2)
@@ -206,7 +214,7 @@ class _Parts:
                 "</body>",
             ]
         )
-        coefficients = " ".join(f"{c:.9g}" for c in shifted)
+        coefficients = " ".join(f"{c:.9g}" for c in coefficients_at_rest)
         equality = f'<joint joint1="{joint}" joint2="{name}" polycoef="{coefficients}" active="true" {_text(COUPLE)}/>'
         hinge = _joint(joint, "hinge", "0 1 0", armature=f"{1e-4 * at_joint:.3g}")
         start = {joint: float(quartic(self.first)), name: self.first}
@@ -220,9 +228,9 @@ class _Parts:
         nodes = 0.5 - 0.5 * np.cos(np.pi * (np.arange(64) + 0.5) / 64)
         angles = self.travel.output(self.map_theta, nodes)
         quartic = np.polynomial.Polynomial.fit(nodes, angles, 4, domain=[0, 1]).convert()
-        off = float(np.abs(quartic(nodes) - angles).max() / np.ptp(angles))
-        if off > 1e-3:
-            self.left_out += (f"the linkage beyond a quartic: {100 * off:.2f} % of the stroke at most",)
+        deviation = float(np.abs(quartic(nodes) - angles).max() / np.ptp(angles))
+        if deviation > 1e-3:
+            self.left_out += (f"the linkage beyond a quartic: {100 * deviation:.2f} % of the stroke at most",)
         return quartic
 
     def _motor(self, joint: str, driven: str, per_volt: float, inertia: float) -> str:
@@ -263,36 +271,36 @@ class _Parts:
         """Inertia whose lag over a simulation step is exactly the identified one, without the link's."""
         braking = per_volt / self.speed
         lag = max(self.lag, SHORTEST * STEP)
-        found = STEP * braking / np.expm1(STEP / lag) - link
-        if found <= 0.0:
+        inertia = STEP * braking / np.expm1(STEP / lag) - link
+        if inertia <= 0.0:
             raise InputError(
-                f"the link's inertia is {link:.3g} and the identified lag holds {found + link:.3g} in all at this "
+                f"the link's inertia is {link:.3g} and the identified lag holds {inertia + link:.3g} in all at this "
                 "torque per volt; give a smaller link_inertia or a larger torque_per_volt"
             )
-        return float(found)
+        return float(inertia)
 
     def _attributes(self, per_volt: float) -> dict[str, str]:
         """Friction, ends and load of the joint that the motor drives."""
-        found: dict[str, str] = {}
+        attributes: dict[str, str] = {}
         if self.stick == 0.0:  # else LuGre has all of it
-            found |= {"frictionloss": f"{self._of_drive() * per_volt:.9g}", **STIFF}
+            attributes |= {"frictionloss": f"{self._of_drive() * per_volt:.9g}", **STIFF}
         if self.motor.ends:  # a side without a stop gets one that it never meets
             low = self.lower if np.isfinite(self.lower) else self.upper - FAR
             high = self.upper if np.isfinite(self.upper) else self.lower + FAR
-            found |= {"range": f"{low:.9g} {high:.9g}", **STOP}
+            attributes |= {"range": f"{low:.9g} {high:.9g}", **STOP}
         if np.any(self.load):
-            found |= self._spring(per_volt)
-        return found
+            attributes |= self._spring(per_volt)
+        return attributes
 
     def _of_drive(self) -> float:
         """Friction of the motor [V]; with a play, a small share of it is the link's and acts behind the play."""
         return self.friction * (1.0 - DRAG if self.width > 0.0 else 1.0)
 
     def _bristles(self, per_volt: float, inertia: float) -> str:
-        moving, still = self._of_drive() * per_volt, (self._of_drive() + self.stick) * per_volt
-        stiffness = max(moving, still) / (BEND * self.stroke)
+        moving, at_rest = self._of_drive() * per_volt, (self._of_drive() + self.stick) * per_volt
+        stiffness = max(moving, at_rest) / (BEND * self.stroke)
         damping = 2.0 * RATIO * np.sqrt(stiffness * inertia)
-        return f"{stiffness:.6g} {damping:.6g} {moving:.9g} {still:.9g} {self.stick_speed:.9g}"
+        return f"{stiffness:.6g} {damping:.6g} {moving:.9g} {at_rest:.9g} {self.stick_speed:.9g}"
 
     def _spring(self, per_volt: float) -> dict[str, str]:
         """The load over position, as a polynomial spring about one of its zeros.
@@ -306,8 +314,8 @@ class _Parts:
             force = force + np.polynomial.Polynomial([0, 0, 0, FLAT * size / self.stroke**3])
             roots = _real(force)
         root = roots[np.abs(roots).argmin()]
-        about = force(np.polynomial.Polynomial([root, 1.0])).coef
-        terms = " ".join(f"{c:.15g}" for c in [*about[1:], 0.0, 0.0, 0.0][:3])
+        shifted_force = force(np.polynomial.Polynomial([root, 1.0])).coef
+        terms = " ".join(f"{c:.15g}" for c in [*shifted_force[1:], 0.0, 0.0, 0.0][:3])
         return {"stiffness": terms, "springref": f"{root + self.motor.at:.15g}"}
 
 

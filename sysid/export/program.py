@@ -42,16 +42,16 @@ def program(fit: AnyFit, way: str, u_offset: Offset = None, y_offset: Offset = N
         if not network_is_finite(fit):
             raise InputError("a parameter of this model is not finite; fit it again before writing it out")
         return Program(network_layers(fit), {NETWORK: network_code(fit, way)}, u0, y0)
-    found = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
-    codes = {u.name: written(u, way)(u.theta) for layer in found for row in layer for u, _ in row}
-    return Program(found, codes, u0, y0)
+    fit_layers = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
+    codes = {u.name: written(u, way)(u.theta) for layer in fit_layers for row in layer for u, _ in row}
+    return Program(fit_layers, codes, u0, y0)
 
 
 def level_offsets(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> tuple[np.ndarray, np.ndarray]:
     """Offsets (nu,) and (ny,): those given, else those of the fit, else zero."""
     n_in, n_out = channel_counts(fit)
-    own = (fit.u_offset, fit.y_offset)
-    u0, y0 = (0.0 if o is None else o for o in own)
+    fit_offsets = (fit.u_offset, fit.y_offset)
+    u0, y0 = (0.0 if o is None else o for o in fit_offsets)
     return (
         offsets(u0 if u_offset is None else u_offset, n_in, "u_offset"),
         offsets(y0 if y_offset is None else y_offset, n_out, "y_offset"),
@@ -168,19 +168,19 @@ def network_equations(fit: NlarxFit, digits: int | None) -> list[str]:
     network, model = fit.network, fit.model
     w = Writer("u", "y", digits)
     names = [f"{name[0]}(t-{name[1:]})" for name in model.regressors]
-    shifted = [f"({w.sum([(1.0, r), (-float(mu), '')])})" for r, mu in zip(names, network.mu, strict=True)]
+    centred = [f"({w.sum([(1.0, r), (-float(mu), '')])})" for r, mu in zip(names, network.mu, strict=True)]
     theta = fit.theta
     lines = ["network:"]
     for j, row in enumerate(network.T if network.units else (), 1):
-        lines.append(f"x{j}(t) = {w.sum(list(zip(row.tolist(), shifted, strict=True)))}")
+        lines.append(f"x{j}(t) = {w.sum(list(zip(row.tolist(), centred, strict=True)))}")
     terms = []
-    for k, at in enumerate(network.dilations, 1):
-        centre = theta[at + 1 : at + 1 + network.m]
+    for k, index in enumerate(network.dilations, 1):
+        centre = theta[index + 1 : index + 1 + network.m]
         r2 = " + ".join(f"{Writer(f'x{j}(t)', '', digits).minus(float(c))}^2" for j, c in enumerate(centre, 1))
-        lines.append(f"z{k}(t) = {w.num(theta[at] ** 2)}*({r2})")
+        lines.append(f"z{k}(t) = {w.num(theta[index] ** 2)}*({r2})")
         shape = f"({network.m} - z{k}(t))*" if k <= network.wavelets else ""
-        terms.append((float(theta[at - 1]), f"{shape}exp(-z{k}(t)/2)"))
-    linear = list(zip(theta[1 : 1 + network.n].tolist(), shifted, strict=True))
+        terms.append((float(theta[index - 1]), f"{shape}exp(-z{k}(t)/2)"))
+    linear = list(zip(theta[1 : 1 + network.n].tolist(), centred, strict=True))
     lines.append(f"y(t) = {w.sum([(float(theta[0]), ''), *linear, *terms])}")
     return lines
 

@@ -36,7 +36,7 @@ def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str
     states = [_state(unit, code) for unit, code in codes.items() if code.state]
     begin = "from the fit's first position" if any(code.start for code in codes.values()) else "from rest"
     steps = _step(whole_fit.layers, codes, whole_fit.u_offset, whole_fit.y_offset)
-    shown = "model.step(*values)" if n_in == 1 else "model.step(values)"
+    call = "model.step(*values)" if n_in == 1 else "model.step(values)"
     return f'''"""Exported model: Model().step(u) gives y sample by sample, simulate(u) a whole record, {begin}."""
 
 {comment}
@@ -73,7 +73,7 @@ if __name__ == "__main__":
     for line in sys.stdin:
         values = [float(word) for word in line.split()]
         if values:
-            y = {shown}
+            y = {call}
             print({"repr(y)" if n_out == 1 else '" ".join(repr(v) for v in y)'})
 '''
 
@@ -83,9 +83,9 @@ _newline, _blank2 = "\n", "\n\n\n"
 
 def _state(unit: str, code: Code) -> str:
     first = [number(value) for value in code.start.values()]
-    others = code.state - len(first)
-    values = [*([f"[{', '.join(first)}]"] if first else []), *([f"[0.0] * {others}"] if others else [])]
-    names = f"  # {', '.join(code.start)}{', ...' if others else ''}" if first else ""
+    zero_count = code.state - len(first)
+    values = [*([f"[{', '.join(first)}]"] if first else []), *([f"[0.0] * {zero_count}"] if zero_count else [])]
+    names = f"  # {', '.join(code.start)}{', ...' if zero_count else ''}" if first else ""
     return f"        self.{unit} = {' + '.join(values)}{names}"
 
 

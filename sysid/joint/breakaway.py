@@ -67,7 +67,7 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[RestSta
     """
     # At rest one and the same rounding error is in every reading.
     noise = max(noise / np.sqrt(every), *(rounding_deviation(record.y) for record in data.experiments))
-    found = []
+    starts = []
     sign = drive_sign(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
     for k, record in enumerate(data.experiments):
         n = record.N // every
@@ -84,44 +84,53 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[RestSta
             if last - first >= REST_SAMPLES + m and last < len(y):
                 start = _rest_start(u, y, noise, (int(first), int(last), int(following)), int(np.sign(speed[last])))
                 if start is not None:
-                    sample, place, held, moved = start
+                    sample, place, held_level, moved_level = start
                     way = int(np.sign(speed[last]))
-                    found.append(
+                    starts.append(
                         RestStart(
-                            k, every * int(first), every * sample, way, place, way * sign * held, way * sign * moved
+                            k,
+                            every * int(first),
+                            every * sample,
+                            way,
+                            place,
+                            way * sign * held_level,
+                            way * sign * moved_level,
                         )
                     )
-    return found
+    return starts
 
 
 def _rest_start(
-    inputs: np.ndarray, y: np.ndarray, noise: float, around: tuple[int, int, int], way: int
+    inputs: np.ndarray, y: np.ndarray, noise: float, spans: tuple[int, int, int], way: int
 ) -> tuple[int, float, float, float] | None:
     """Sample at which a start is seen, place of the rest, and voltages before and at it, positive towards `way`; None
-    if the joint drifts instead of resting. `inputs` (n, every) and the means y (n,) of as many readings; `around`:
+    if the joint drifts instead of resting. `inputs` (n, every) and the means y (n,) of as many readings; `spans`:
     first sample of the rest, of the motion, and of the next rest."""
     u = inputs[:, 0]
-    first, last, following = around
+    first, last, following = spans
     half = max((last - first) // 2, REST_SAMPLES)
     quarter = max(half // 2, 1)
     rest = float(np.mean(y[first : first + half]))
     drift = abs(float(np.mean(y[first : first + quarter]) - np.mean(y[first + half - quarter : first + half])))
     if drift > SURE_DEVIATIONS * noise * np.sqrt(2.0 / quarter):
         return None
-    gone = way * (np.convolve(y, np.ones(3) / 3, "same") - rest)[first : min(following + 1, len(y) - 1)]
-    far = np.flatnonzero(gone > SURE_DEVIATIONS * noise)
-    far = far[far >= half]
-    if not len(far):
+    distance = way * (np.convolve(y, np.ones(3) / 3, "same") - rest)[first : min(following + 1, len(y) - 1)]
+    gone_far = np.flatnonzero(distance > SURE_DEVIATIONS * noise)
+    gone_far = gone_far[gone_far >= half]
+    if not len(gone_far):
         return None
-    close = np.flatnonzero(gone[: far[0]] <= 0.0)
-    seen, passed = first + int(far[0]), first + (int(close[-1]) if len(close) else 0)
-    before = max(passed - (seen - passed) - _DELAY_SAMPLES, first)
-    still = before + 1
-    if u[before] in (u[before - 1], u[before + 1]):  # under a steady voltage it starts at once or never
-        while still > first + 1 and u[still - 1] == u[before]:
-            still -= 1
-    held, moved = float((way * u)[first:still].max()), float((way * inputs)[before : seen + 1].max())
-    return seen, rest, min(held, moved), moved
+    close = np.flatnonzero(distance[: gone_far[0]] <= 0.0)
+    seen_at, last_behind = first + int(gone_far[0]), first + (int(close[-1]) if len(close) else 0)
+    last_held = max(last_behind - (seen_at - last_behind) - _DELAY_SAMPLES, first)
+    last_still = last_held + 1
+    if u[last_held] in (u[last_held - 1], u[last_held + 1]):  # under a steady voltage it starts at once or never
+        while last_still > first + 1 and u[last_still - 1] == u[last_held]:
+            last_still -= 1
+    held_level, moved_level = (
+        float((way * u)[first:last_still].max()),
+        float((way * inputs)[last_held : seen_at + 1].max()),
+    )
+    return seen_at, rest, min(held_level, moved_level), moved_level
 
 
 @dataclass(frozen=True)
@@ -145,29 +154,31 @@ def breakaway(fit: Fit, data: IOData, starts: Sequence[RestStart], way: int, spr
     joint. A motor that crosses its backlash before its link moves started earlier (`_earliest`).
     """
     chain, theta = fit.model, fit.theta
-    over, up = breakaway_over_place(chain, theta), way if slope_of(chain, theta) > 0.0 else -way  # of y
+    volts_at, output_way = breakaway_over_place(chain, theta), way if slope_of(chain, theta) > 0.0 else -way  # of y
     friction = max(0.5 * abs(volts_to_move(chain, theta, 1, True) - volts_to_move(chain, theta, -1, True)), 1e-9)
-    known = [_with_earliest_voltage(fit, data, start, way) for start in starts if start.way == up]
-    slow = [start for start in known if 0.0 < abs(start.moved - start.held) <= _SLOW_BRACKET * friction]
+    bounded_starts = [_with_earliest_voltage(fit, data, start, way) for start in starts if start.way == output_way]
+    slow = [start for start in bounded_starts if 0.0 < abs(start.moved - start.held) <= _SLOW_BRACKET * friction]
 
     def middle(free: np.ndarray) -> float:
         return volts_to_move(chain, free, way, True)
 
     def farther(free: np.ndarray) -> float:
         volts = breakaway_over_place(chain, free)
-        return float(np.mean([volts(start.place, up) for start in slow])) - middle(free)
+        return float(np.mean([volts(start.place, output_way) for start in slow])) - middle(free)
 
-    volts = np.array([over(start.place, up) for start in slow])
-    held, moved = (way * (np.array([getattr(s, name) for s in slow]) - volts) for name in ("held", "moved"))
-    agreed = _agreeing_brackets(1.0 + np.column_stack([held, moved]).reshape(-1, 2) / friction)
+    volts = np.array([volts_at(start.place, output_way) for start in slow])
+    held_levels, moved_levels = (
+        way * (np.array([getattr(s, name) for s in slow]) - volts) for name in ("held", "moved")
+    )
+    brackets = _agreeing_brackets(1.0 + np.column_stack([held_levels, moved_levels]).reshape(-1, 2) / friction)
     share = spread.std(middle) / friction
     static = 0.0 if motor_of(chain).stribeck else _STATIC_DEVIATION
     lack = float(
         np.linalg.norm([LACKS["breakaway"], share if share < _UNKNOWN_DEVIATION else _UNKNOWN_DEVIATION, static])
     )
     place = spread.std(farther) / friction if slow else 0.0
-    factor, std = _friction_factor(agreed, lack, place if place < _UNKNOWN_DEVIATION else _UNKNOWN_DEVIATION)
-    return Breakaway(len(agreed), float(way * (factor - 1.0) * friction), float(std * friction), std)
+    factor, std = _friction_factor(brackets, lack, place if place < _UNKNOWN_DEVIATION else _UNKNOWN_DEVIATION)
+    return Breakaway(len(brackets), float(way * (factor - 1.0) * friction), float(std * friction), std)
 
 
 def _with_earliest_voltage(fit: Fit, data: IOData, start: RestStart, way: int) -> RestStart:
@@ -186,18 +197,20 @@ def _with_earliest_voltage(fit: Fit, data: IOData, start: RestStart, way: int) -
     row = theta if start.experiment == 0 else estimate_initial(chain, theta, record)
     u, rest = record.u[:, 0], slice(start.since, start.sample + 1)
     x, part = chain.through(row, u, 0, k), chain.part(row, play)
-    ahead = start.way * (x - play.output(part, x))[rest]
-    left = float(np.max(0.5 * part[0] - ahead))
-    if left <= _CLOSED_SHARE * part[0]:
+    gap = start.way * (x - play.output(part, x))[rest]
+    distance_left = float(np.max(0.5 * part[0] - gap))
+    if distance_left <= _CLOSED_SHARE * part[0]:
         return start
     motor, pushes = motor_of(chain), way * u[rest]
     speed = motor.value(chain.part(theta, motor), "gain") * abs(slope_of(chain, theta))
-    acted = pushes[: max(len(pushes) - round(response_samples(chain, theta)), 1)]
-    levels = np.unique(acted)
-    beyond = np.array([np.sum(np.maximum(acted[np.argmax(acted >= level) :] - level, 0.0)) for level in levels])
-    enough = levels[speed * beyond >= left]
-    held = float(enough[-2]) if len(enough) > 1 else -np.inf
-    return replace(start, held=way * min(held, way * start.held))
+    effective_pushes = pushes[: max(len(pushes) - round(response_samples(chain, theta)), 1)]
+    levels = np.unique(effective_pushes)
+    path = np.array(
+        [np.sum(np.maximum(effective_pushes[np.argmax(effective_pushes >= level) :] - level, 0.0)) for level in levels]
+    )
+    sufficient = levels[speed * path >= distance_left]
+    held_level = float(sufficient[-2]) if len(sufficient) > 1 else -np.inf
+    return replace(start, held=way * min(held_level, way * start.held))
 
 
 def _agreeing_brackets(brackets: np.ndarray) -> np.ndarray:
@@ -215,22 +228,24 @@ def _friction_factor(brackets: np.ndarray, lack: float, place: float) -> tuple[f
     contradict each other.
     """
     grid = np.linspace(*_FACTORS, 1001)
-    told = np.zeros(len(grid))
+    log_likelihood = np.zeros(len(grid))
     for low, high in brackets:
-        below, above = (norm.cdf((grid - edge) / _PLACE_DEVIATION) for edge in (low, high))
-        inside = (below - above) / max(high - low, _PLACE_DEVIATION)
-        told += np.log(
-            (1.0 - _LATE_PROBABILITY) * inside + _LATE_PROBABILITY * (1.0 - below) / max(low, _PLACE_DEVIATION) + 1e-12
+        lower_cdf, upper_cdf = (norm.cdf((grid - edge) / _PLACE_DEVIATION) for edge in (low, high))
+        density = (lower_cdf - upper_cdf) / max(high - low, _PLACE_DEVIATION)
+        log_likelihood += np.log(
+            (1.0 - _LATE_PROBABILITY) * density
+            + _LATE_PROBABILITY * (1.0 - lower_cdf) / max(low, _PLACE_DEVIATION)
+            + 1e-12
         )
-    told *= min(1.0, _INDEPENDENT_STARTS / max(len(brackets), 1))
+    log_likelihood *= min(1.0, _INDEPENDENT_STARTS / max(len(brackets), 1))
     if place > 0.0:
         step = grid[1] - grid[0]
         kernel = norm.pdf(np.arange(-len(grid) + 1, len(grid)) * step / place)
-        told = np.log(np.convolve(np.exp(told - told.max()), kernel, "valid") + 1e-12)
-    read, std = _moments(grid, told) if len(brackets) else (1.0, 0.0)
+        log_likelihood = np.log(np.convolve(np.exp(log_likelihood - log_likelihood.max()), kernel, "valid") + 1e-12)
+    read, std = _moments(grid, log_likelihood) if len(brackets) else (1.0, 0.0)
     if abs(read - 1.0) > _CONTRADICTION * np.hypot(std, min(lack, _DOUBTFUL_DEVIATION)):
         return read, np.inf
-    value, std = _moments(grid, told - 0.5 * ((grid - 1.0) / lack) ** 2)
+    value, std = _moments(grid, log_likelihood - 0.5 * ((grid - 1.0) / lack) ** 2)
     return value, float(np.hypot(std, _CREEP_DEVIATION))
 
 

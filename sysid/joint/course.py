@@ -64,9 +64,9 @@ class Course:
         does not move under these limits.
         """
         chain, motor = chain_at_rate(fit.model, fit.Ts / Ts), motor_of(fit.model)
-        seen = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
-        shown = stops_met(fit, data)
-        ends = tuple(planned_end(fit, way, seen, shown[way], to_stops) for way in (-1, 1))
+        positions = chain.signals(fit.theta, data.u)[chain.blocks.index(motor) + 1]
+        is_met_by_way = stops_met(fit, data)
+        ends = tuple(planned_end(fit, way, positions, is_met_by_way[way], to_stops) for way in (-1, 1))
         theta = theta_at_rate(fit.model, fit.theta, fit.Ts / Ts)
         theta[chain.names.index(f"{motor.role}.v0")] = 0.0
         course = cls(
@@ -74,7 +74,7 @@ class Course:
             theta,
             Ts,
             (ends[0], ends[1]),
-            {way: met or to_stops for way, met in shown.items()},
+            {way: is_met or to_stops for way, is_met in is_met_by_way.items()},
             output_falls(fit),
             reading_noise(data),
         )
@@ -152,21 +152,23 @@ class Course:
         levels = levels[(way * levels <= self.tops[way]) & (way * (levels - self.still) > 0.0)]
         if self.met[way] or not len(levels):
             return levels
-        one = np.concatenate([np.ones(self.pulse), np.zeros(self.step)])
-        ahead = self._place(self._at(self._share()), np.concatenate([np.where(one, v, self.still) for v in levels]))
-        out = np.flatnonzero(way * (ahead - self._target(way, SHORT_OF)) > 0.0)
-        return levels[: out[0] // len(one)] if len(out) else levels
+        pulse_shape = np.concatenate([np.ones(self.pulse), np.zeros(self.step)])
+        positions = self._place(
+            self._at(self._share()), np.concatenate([np.where(pulse_shape, v, self.still) for v in levels])
+        )
+        out = np.flatnonzero(way * (positions - self._target(way, SHORT_OF)) > 0.0)
+        return levels[: out[0] // len(pulse_shape)] if len(out) else levels
 
     @cached_property
     def pulse(self) -> int:
         """Samples of a pulse: a joint that three pulses above its friction is seen to move."""
         n, (middle, half) = 4 * self.step + 20, self.band
-        moved = []
+        moves = []
         for way in (1, -1):
             level = middle + way * half * (1.0 + 3.0 * STEP)
             y = self._run(self._at(0.5), np.full(n, level))
-            moved.append(abs(float(y[-1] - y[n // 2])) / (n - 1 - n // 2))
-        return int(np.clip(np.ceil(_SEEN * self.noise / max(min(moved), 1e-300)), 1, 15 * self.step)) + self.step
+            moves.append(abs(float(y[-1] - y[n // 2])) / (n - 1 - n // 2))
+        return int(np.clip(np.ceil(_SEEN * self.noise / max(min(moves), 1e-300)), 1, 15 * self.step)) + self.step
 
     @property
     def step(self) -> int:
@@ -175,16 +177,16 @@ class Course:
 
     def reverse(self, way: int, share: float) -> None:
         """`level(way, share)` that moves the joint from rest to rest by `MOVE` of the way, and a short rest."""
-        level, rest, whole = way * self.level(way, share), np.full(self.step, self.still), self.ends[1] - self.ends[0]
+        level, rest, stroke = way * self.level(way, share), np.full(self.step, self.still), self.ends[1] - self.ends[0]
         start = self._at(self._share())
-        most = self._until(way, level, 0.5 + MOVE, 0.5)
-        held = most
-        for n in range(2, most):
+        longest = self._until(way, level, 0.5 + MOVE, 0.5)
+        samples = longest
+        for n in range(2, longest):
             place = self._place(start, np.concatenate([np.full(n, level), rest]))
-            if way * (place[-1] - place[0]) >= MOVE * whole:
-                held = n
+            if way * (place[-1] - place[0]) >= MOVE * stroke:
+                samples = n
                 break
-        self.hold(level, held)
+        self.hold(level, samples)
         self.hold(self.still, self.step)
 
     @cached_property
@@ -196,8 +198,8 @@ class Course:
     def band(self) -> tuple[float, float]:
         """Middle of the inputs that keep the joint moving up and down, which is the load, and half of what is between
         them, which is the friction."""
-        up, down = self.starts(1), self.starts(-1)
-        return 0.5 * (up + down), 0.5 * (up - down)
+        up_start, down_start = self.starts(1), self.starts(-1)
+        return 0.5 * (up_start + down_start), 0.5 * (up_start - down_start)
 
     def starts(self, way: int, places: tuple[float, ...] = (0.5,), bare: bool = True) -> float:
         """Input that moves the joint at all `places` (shares of the way), by bisection.
@@ -224,21 +226,21 @@ class Course:
     @cached_property
     def _least(self) -> dict[int, float]:
         """Input each way (positive) that starts the joint everywhere, as far as the fit is believed."""
-        least, believed = {}, _STICK * self.band[1]
+        least, believed_excess = {}, _STICK * self.band[1]
         for way in (-1, 1):
-            bare, stuck = (way * self.starts(way, ALONG, free) for free in (True, False))
-            least[way] = min(stuck, bare + believed, 0.5 * (bare + self.tops[way]))
+            bare_start, stuck_start = (way * self.starts(way, ALONG, free) for free in (True, False))
+            least[way] = min(stuck_start, bare_start + believed_excess, 0.5 * (bare_start + self.tops[way]))
         return least
 
     @cached_property
     def largest(self) -> float:
         """Input that surely starts any joint of this kind."""
         motor = motor_of(self.chain)
-        own = self.chain.part(self.theta, motor)
+        part = self.chain.part(self.theta, motor)
         volts = sum(
-            abs(motor.value(own, n)) for n in ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
+            abs(motor.value(part, n)) for n in ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
         )
-        return 10.0 * max(volts * (1.0 + motor.value(own, "loss")), 1e-9) + 1.0
+        return 10.0 * max(volts * (1.0 + motor.value(part, "loss")), 1e-9) + 1.0
 
     def _moves(self, way: int, level: float, place: float, bare: bool) -> bool:
         rest = self._place(self._at(place, bare), np.full(2 * self.step + 20, level))
@@ -256,9 +258,9 @@ class Course:
 
     def _speed(self, way: int, level: float) -> float:
         """The largest speed [y/s] on the way from the far end, where the joint has come to rest."""
-        settled = 2 * self.step + 20
-        u = np.concatenate([np.full(settled, self.still), np.full(self._samples(level), level)])
-        y = self._run(self._at(0.0 if way > 0 else 1.0), u)[settled:]
+        settling_samples = 2 * self.step + 20
+        u = np.concatenate([np.full(settling_samples, self.still), np.full(self._samples(level), level)])
+        y = self._run(self._at(0.0 if way > 0 else 1.0), u)[settling_samples:]
         return float(np.abs(np.diff(y)).max()) / self.Ts
 
     def _samples(self, level: float) -> int:
@@ -273,9 +275,9 @@ class Course:
         start = self._at((0.0 if way > 0 else 1.0) if share is None else share)
         n, target = self._samples(level), self._target(way, place)
         while n <= LONGEST:
-            there = np.flatnonzero(way * (self._place(start, np.full(n, level)) - target) >= 0.0)
-            if len(there):
-                return int(there[0])
+            arrivals = np.flatnonzero(way * (self._place(start, np.full(n, level)) - target) >= 0.0)
+            if len(arrivals):
+                return int(arrivals[0])
             n *= 2
         raise InputError(
             f"the joint does not cross its way at an input of {level:.4g}; allow larger inputs or speeds, or record "
@@ -289,8 +291,8 @@ class Course:
 
     def _share(self) -> float:
         """Where the motor is now, as a share of the way."""
-        at = self._place(self.theta, np.append(self.inputs(), self.still))[-1]
-        return float(np.clip((at - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
+        position = self._place(self.theta, np.append(self.inputs(), self.still))[-1]
+        return float(np.clip((position - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
 
     def _at(self, place: float, bare: bool = True) -> np.ndarray:
         """theta with the motor at rest at a share of the way, and no more friction there than in motion if `bare`."""
@@ -321,17 +323,17 @@ def output_falls(fit: Fit) -> bool:
 
 def stops_met(fit: Fit, data: IOData) -> dict[int, bool]:
     """Whether the record shows a stop, by the motor's way."""
-    shown, falls = stop_tests(fit, data), output_falls(fit)
-    lower, upper = (name in shown and shown[name].met for name in ("end_low", "end_high"))
+    tests, falls = stop_tests(fit, data), output_falls(fit)
+    lower, upper = (name in tests and tests[name].met for name in ("end_low", "end_high"))
     return {-1: upper, 1: lower} if falls else {-1: lower, 1: upper}
 
 
-def planned_end(fit: Fit, way: int, seen: np.ndarray, met: bool, to_stops: bool) -> float:
+def planned_end(fit: Fit, way: int, positions: np.ndarray, met: bool, to_stops: bool) -> float:
     """Position of the motor up to which the course is planned."""
     motor = motor_of(fit.model)
     name = "upper" if way > 0 else "lower"
     stop = motor.value(fit.model.part(fit.theta, motor), name) if name in motor.ends else way * np.inf
-    farthest, whole = way * float((way * seen).max()), float(np.ptp(seen))
-    if met or (to_stops and 0.0 <= way * (stop - farthest) <= _BEYOND_RECORD * whole):
+    farthest, range_seen = way * float((way * positions).max()), float(np.ptp(positions))
+    if met or (to_stops and 0.0 <= way * (stop - farthest) <= _BEYOND_RECORD * range_seen):
         return float(stop)
-    return farthest + way * (_BEYOND_RECORD * whole if to_stops else 0.0)
+    return farthest + way * (_BEYOND_RECORD * range_seen if to_stops else 0.0)

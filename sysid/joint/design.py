@@ -137,8 +137,11 @@ def design(
                 _PARTS[name](work, k)
     course = work.course
     u, y = course.inputs(), course.outputs()
-    wanted = [name for target in targets for name in TARGETS[target]]
-    now, (then, notes) = joint_values(fit, data=data), _expected_values(fit, data, course, targets, complete)
+    value_names = [name for target in targets for name in TARGETS[target]]
+    current_values, (expected_values, notes) = (
+        joint_values(fit, data=data),
+        _expected_values(fit, data, course, targets, complete),
+    )
     return Design(
         targets,
         u,
@@ -146,15 +149,15 @@ def design(
         course.Ts,
         tuple(work.phases),
         float(np.abs(np.diff(y)).max()) / course.Ts,
-        in_unit(now, data.y_unit),
-        in_unit(then, data.y_unit),
+        in_unit(current_values, data.y_unit),
+        in_unit(expected_values, data.y_unit),
         (data.u_unit, data.y_unit),
         (
             *unseen_ends(course, data),
             *distant_prediction(course, y, data),
             *weak_inputs(course, data.u_unit),
             *notes,
-            *shortfalls(wanted, now, then, course.Ts),
+            *shortfalls(value_names, current_values, expected_values, course.Ts),
         ),
     )
 
@@ -167,10 +170,10 @@ class _Plan:
     rng: np.random.Generator
     phases: list[Phase] = field(default_factory=list)
 
-    def phase(self, name: str, why: str, run: Callable[[], None]) -> None:
+    def phase(self, name: str, purpose: str, run: Callable[[], None]) -> None:
         start = self.course.N
         run()
-        self.phases.append(Phase(name, start, self.course.N, why))
+        self.phases.append(Phase(name, start, self.course.N, purpose))
 
 
 def _add_strokes(work: _Plan, k: int) -> None:
@@ -178,9 +181,9 @@ def _add_strokes(work: _Plan, k: int) -> None:
     course, rng = work.course, work.rng
 
     def run() -> None:
-        for most, shortest, longest in PAIRS[k]:
+        for share, shortest, longest in PAIRS[k]:
             for way in (-1, 1):
-                course.across(way, most * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
+                course.across(way, share * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
         course.rest()
 
     work.phase("ends", "from end to end at different levels", run)
@@ -244,17 +247,25 @@ def _expected_values(
         play = Play(role="play")
         richer = sub(chain, (*chain.blocks[:place], play, *chain.blocks[place:]))
         theta, chain = lift_theta(chain, theta, richer, {"play.width": width}), richer
-        own = np.asarray(chain.simulate(theta, u)).ravel()
-        y = own + (y[0] - own[0])
+        prediction = np.asarray(chain.simulate(theta, u)).ravel()
+        y = prediction + (y[0] - prediction[0])
         size = display_quantity("backlash", data.y_unit or "")
-        said = f"{width * size.factor:.3g} {size.unit}".rstrip()
-        notes.append(f"no backlash is known yet; the prediction has one of {said}, to test whether it would show")
+        width_in_words = f"{width * size.factor:.3g} {size.unit}".rstrip()
+        notes.append(
+            f"no backlash is known yet; the prediction has one of {width_in_words}, to test whether it would show"
+        )
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
     record = _with_names(IOData(u, y + noise, course.Ts), data)
-    again = fit_chain(chain, record, start=np.array(theta), search="lm")
-    return joint_values(again, data=record, complete=complete), notes
+    refit = fit_chain(chain, record, start=np.array(theta), search="lm")
+    return joint_values(refit, data=record, complete=complete), notes
 
 
-def _with_names(record: IOData, like: IOData) -> IOData:
+def _with_names(record: IOData, model_record: IOData) -> IOData:
     """The record with the names and units of another."""
-    return replace(record, u_name=like.u_name, y_name=like.y_name, u_unit=like.u_unit, y_unit=like.y_unit)
+    return replace(
+        record,
+        u_name=model_record.u_name,
+        y_name=model_record.y_name,
+        u_unit=model_record.u_unit,
+        y_unit=model_record.y_unit,
+    )

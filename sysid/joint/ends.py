@@ -47,20 +47,20 @@ class Ends:
     bics: dict[str, float]
 
 
-def variant(chain: Chain, which: str, low: float, high: float) -> Chain:
+def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     """The joint with these end stops; `low` and `high` [y] are the outputs at 0 and 1 strokes.
 
     Where a stop is left out, the output at that end of the linkage only sets the scale of a stroke, and is held.
     """
     motor = motor_of(chain)
-    if which == "both":
+    if choice == "both":
         return chain
-    fewer = replace(motor, stops=which if which in ("lower", "upper") else False)
+    fewer = replace(motor, stops=choice if choice in ("lower", "upper") else False)
     blocks = tuple(
-        fewer if b is motor else b for b in chain.blocks if which != "straight" or not isinstance(b, TravelMap)
+        fewer if b is motor else b for b in chain.blocks if choice != "straight" or not isinstance(b, TravelMap)
     )
     scale = {"lower": {"map.high": high}, "upper": {"map.low": low}, "none": {"map.low": low, "map.high": high}}
-    return sub(chain, blocks, scale[which] if which in scale and _has_travel_map(chain) else {})
+    return sub(chain, blocks, scale[choice] if choice in scale and _has_travel_map(chain) else {})
 
 
 def present_ends(fit: Fit) -> Ends:
@@ -86,53 +86,57 @@ def choose_ends(
     good as each other with friction that falls with speed. Without it the free run of a joint that has such friction is
     so far off that its stops explain little.
     """
-    turns, curved = "turns" in parts, "stribeck" in parts
+    turns, has_stribeck = "turns" in parts, "stribeck" in parts
     chain = both.model
     if not motor_of(chain).stops:
         return present_ends(both)
     low, high = _end_outputs(both)
     fits = {"both": both}
-    for which in ENDS:
-        if which == "both" or (which == "straight" and not (_has_travel_map(chain) and low < high)):
+    for choice in ENDS:
+        if choice == "both" or (choice == "straight" and not (_has_travel_map(chain) and low < high)):
             continue
-        other = _fit_variant(variant(chain, which, low, high), both, data, cut, _OWN_STARTS, options)
-        if other is not None:
-            fits[which] = other
-    bare = [name for name in fits if not ENDS[name]]
-    if not bare:
+        variant_fit = _fit_variant(variant(chain, choice, low, high), both, data, cut, _OWN_STARTS, options)
+        if variant_fit is not None:
+            fits[choice] = variant_fit
+    stopless = [name for name in fits if not ENDS[name]]
+    if not stopless:
         return Ends("both", both, {"both": float(both.criteria.bic)})
-    if min(fits[name].criteria.bic for name in bare) < both.criteria.bic + _DOUBT * margin:
-        for name in bare:
-            other = _fit_variant(
+    if min(fits[name].criteria.bic for name in stopless) < both.criteria.bic + _DOUBT * margin:
+        for name in stopless:
+            variant_fit = _fit_variant(
                 fits[name].model, fits[name], data, cut, 3 * _OWN_STARTS, {**options, "seed": options["seed"] + 1}
             )
-            fits[name] = min((fits[name], other or fits[name]), key=lambda fit: fit.criteria.bic)
+            fits[name] = min((fits[name], variant_fit or fits[name]), key=lambda fit: fit.criteria.bic)
     cost = {name: margin * (ENDS[name] + (name != "straight")) for name in fits}
     price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
     if turns and "straight" in fits:
         price["straight"] = min(price["straight"], _bic_with_part("turns", fits["straight"], cut, options))
-    near = [name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _NEARLY_AS_GOOD * data.N)]
-    if curved and len(near) > 1:
-        for name in near:
+    close_names = [
+        name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _NEARLY_AS_GOOD * data.N)
+    ]
+    if has_stribeck and len(close_names) > 1:
+        for name in close_names:
             price[name] = min(price[name], _bic_with_part("stribeck", fits[name], cut, options) + cost[name])
-    which = min(price, key=lambda name: price[name])
-    free = min(bare, key=lambda name: price[name])
-    if ENDS[which] and pair and price[free] < price[which] + _CLEAR_MARGINS * margin:
-        seen = {name: holdout_errors(fits[name].model, fits[name].theta, pair) for name in (free, which)}
-        if is_harmful(seen[free], seen[which], float(np.sqrt(both.criteria.mse))):
-            which = free
-    return Ends(which, fits[which], {name: float(fit.criteria.bic) for name, fit in fits.items()})
+    choice = min(price, key=lambda name: price[name])
+    free = min(stopless, key=lambda name: price[name])
+    if ENDS[choice] and pair and price[free] < price[choice] + _CLEAR_MARGINS * margin:
+        errors = {name: holdout_errors(fits[name].model, fits[name].theta, pair) for name in (free, choice)}
+        if is_harmful(errors[free], errors[choice], float(np.sqrt(both.criteria.mse))):
+            choice = free
+    return Ends(choice, fits[choice], {name: float(fit.criteria.bic) for name, fit in fits.items()})
 
 
-def _fit_variant(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, options: dict[str, Any]) -> Fit | None:
+def _fit_variant(
+    chain: Chain, known_fit: Fit, data: IOData, cut: IOData, own_starts: int, options: dict[str, Any]
+) -> Fit | None:
     """From a known optimum, and from starts of its own where the stops are gone; None if every one of them diverges."""
     free = not motor_of(chain).stops
     points = (
-        [lift_theta(known.model, known.theta, chain, {})]
-        if _has_travel_map(chain) or not _has_travel_map(known.model)
+        [lift_theta(known_fit.model, known_fit.theta, chain, {})]
+        if _has_travel_map(chain) or not _has_travel_map(known_fit.model)
         else []
     )
-    points += Joint().starts(chain, data, own, options["seed"]) if free or not points else []
+    points += Joint().starts(chain, data, own_starts, options["seed"]) if free or not points else []
     try:
         return fit_chain(chain, cut, start=np.array(points), options=_SCREENING, **options)
     except (InputError, np.linalg.LinAlgError):
@@ -141,11 +145,11 @@ def _fit_variant(chain: Chain, known: Fit, data: IOData, cut: IOData, own: int, 
 
 def _bic_with_part(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
     """BIC with this part; infinite where the joint cannot have it."""
-    found = PARTS[part].added(fit, data)
+    candidate = PARTS[part].added(fit, data)
     try:
-        if found is None:
+        if candidate is None:
             return np.inf
-        return float(fit_chain(found[0], data, start=found[1], options=_SCREENING, **options).criteria.bic)
+        return float(fit_chain(candidate[0], data, start=candidate[1], options=_SCREENING, **options).criteria.bic)
     except (InputError, np.linalg.LinAlgError):
         return np.inf
 
@@ -161,5 +165,5 @@ def _end_outputs(fit: Fit) -> tuple[float, float]:
         if isinstance(b, TravelMap):
             return float(part[0]), float(part[1])
         if isinstance(b, Motor):
-            found = b.value(part, "lower"), b.value(part, "upper")
-    return found
+            outputs = b.value(part, "lower"), b.value(part, "upper")
+    return outputs

@@ -77,18 +77,18 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     chain, theta = fit.model, fit.theta
     spread = spread_of(fit, data, 0.95) if spread is None else spread
     noise, links, stops = reading_noise(data), _link_crossings(chain, theta, data), stop_tests(fit, data)
-    found = {name: _stop_evidence(test, data.y_unit or "y", name) for name, test in stops.items()}
+    values = {name: _stop_evidence(test, data.y_unit or "y", name) for name, test in stops.items()}
     readable = chain.block("sensor") is None and not isinstance(motor_of(chain), ServoMotor)
     starts = tuple(starts_from_rest(data, noise, _response_step(fit))) if readable else ()
-    added = {}
+    breakaways = {}
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
-        added[name] = breakaway(fit, data, starts, way, spread)
-        found[name] = _start_evidence(added[name].count, added[name].share, "up" if way > 0 else "down")
+        breakaways[name] = breakaway(fit, data, starts, way, spread)
+        values[name] = _start_evidence(breakaways[name].count, breakaways[name].share, "up" if way > 0 else "down")
     if links is not None:
-        found["backlash"] = _crossing_evidence(fit, *links, _play_uncertainty(fit, spread))
+        values["backlash"] = _crossing_evidence(fit, *links, _play_uncertainty(fit, spread))
     if motor_of(chain).delayed:
-        found["time_constant"] = found["delay"] = _time_evidence(fit, spread)
-    return Evidence(found, stops, starts, noise, added)
+        values["time_constant"] = values["delay"] = _time_evidence(fit, spread)
+    return Evidence(values, stops, starts, noise, breakaways)
 
 
 def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
@@ -101,16 +101,16 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     places = _places(chain, theta, data)
     drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
     every = _response_step(fit)
-    drives, places = ([a[::every] for a in each] for each in (drives, places))
-    seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
-    slack, found = min(_play_width(chain, theta), END_REACH * seen), {}
-    for name, way, at in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
-        if np.isfinite(at):
-            found[name] = stop_test(drives, places, every * data.Ts, at, noise, way, slack)
+    drives, places = ([a[::every] for a in series] for series in (drives, places))
+    range_seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
+    slack, tests = min(_play_width(chain, theta), END_REACH * range_seen), {}
+    for name, way, end in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
+        if np.isfinite(end):
+            tests[name] = stop_test(drives, places, every * data.Ts, end, noise, way, slack)
         elif travel_of(chain) is not None:
             farthest = way * max(float(np.max(way * y)) for y in places)
-            found[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
-    return found
+            tests[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
+    return tests
 
 
 def _response_step(fit: Fit) -> int:
@@ -174,36 +174,38 @@ def _stop_evidence(test: StopTest, unit: str, name: str) -> ValueEvidence:
     counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
     if test.met:
         return ValueEvidence(True, f"the joint rests against it {len(test.visits)} times", counts)
-    as_shown = display_quantity(name, unit)
-    place = f"{number(test.farthest * as_shown.factor, 4)} {as_shown.unit}".rstrip()
+    quantity = display_quantity(name, unit)
+    place = f"{number(test.farthest * quantity.factor, 4)} {quantity.unit}".rstrip()
     return ValueEvidence(False, f"not reached: beyond {place} ({test.why})", counts)
 
 
 def _start_evidence(count: int, share: float, way: str) -> ValueEvidence:
     counts = {"slow_starts": count, "uncertainty": share}
-    said = f"{count or 'no'} {way}ward start{'' if count == 1 else 's'} from rest under a slowly rising voltage"
+    sentence = f"{count or 'no'} {way}ward start{'' if count == 1 else 's'} from rest under a slowly rising voltage"
     if count < STARTS:
         return ValueEvidence(
-            False, f"{said}, but {STARTS} that agree are needed: record rising pulses from rest ({PULSES})", counts
+            False, f"{sentence}, but {STARTS} that agree are needed: record rising pulses from rest ({PULSES})", counts
         )
     if not np.isfinite(share):
-        return ValueEvidence(False, f"{said} contradict the model: record rising pulses from rest ({PULSES})", counts)
+        return ValueEvidence(
+            False, f"{sentence} contradict the model: record rising pulses from rest ({PULSES})", counts
+        )
     if share > _BREAKAWAY_PRECISION:
-        leave = f"{said} leave it uncertain by {100.0 * share:.0f} % of the friction"
+        leave = f"{sentence} leave it uncertain by {100.0 * share:.0f} % of the friction"
         return ValueEvidence(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
-    return ValueEvidence(True, said, counts)
+    return ValueEvidence(True, sentence, counts)
 
 
 def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidence:
     counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
-        why = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
-        return ValueEvidence(False, f"{why} changes sides (qpal design --for backlash FILE)", counts)
+        reason = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
+        return ValueEvidence(False, f"{reason} changes sides (qpal design --for backlash FILE)", counts)
     if not std <= _BACKLASH_PRECISION:
         size = f"{100 * std:.0f} % of it" if std < 10.0 else "larger than itself"
-        why = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
+        reason = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
         return ValueEvidence(
-            False, f"{why}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
+            False, f"{reason}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
         )
     return ValueEvidence(True, f"the link crosses it {up + down} times", counts)
 
@@ -217,30 +219,39 @@ def _play_uncertainty(fit: Fit, spread: Spread) -> float:
 def _time_evidence(fit: Fit, spread: Spread) -> ValueEvidence:
     """Whether lag and delay are told apart: by the sampling time, their limits, correlation and uncertainty."""
     chain, motor, Ts = fit.model, motor_of(fit.model), fit.Ts
-    at = [chain.names.index(f"{motor.role}.{part}") for part in ("lag", "delay")]
-    std = [spread.std(partial(_theta_entry, i)) for i in at]
-    cov = spread.noise.covariance_of(np.eye(len(chain.names))[at])
+    indices = [chain.names.index(f"{motor.role}.{part}") for part in ("lag", "delay")]
+    std = [spread.std(partial(_theta_entry, i)) for i in indices]
+    cov = spread.noise.covariance_of(np.eye(len(chain.names))[indices])
     size = float(np.sqrt(cov[0, 0] * cov[1, 1]))
-    r, both = float(cov[0, 1]) / size if size > 0.0 else 0.0, float(fit.theta[at].sum())
-    counts = {"correlation": r, "samples": both, "uncertainty": max(std) / both if both > 0.0 else np.inf}
+    r, sum_of_both = float(cov[0, 1]) / size if size > 0.0 else 0.0, float(fit.theta[indices].sum())
+    counts = {
+        "correlation": r,
+        "samples": sum_of_both,
+        "uncertainty": max(std) / sum_of_both if sum_of_both > 0.0 else np.inf,
+    }
     names = ("time constant", "delay")
-    held = [
-        name for i, name in zip(at, names, strict=True) if not chain.limits[0][i] < fit.theta[i] < chain.limits[1][i]
+    limited_names = [
+        name
+        for i, name in zip(indices, names, strict=True)
+        if not chain.limits[0][i] < fit.theta[i] < chain.limits[1][i]
     ]
-    if both < 1.0:
-        why = f"the sampling time of {Ts:g} s is longer than time constant and delay together"
-    elif held:
-        why = f"the {held[0]} of the fit is at the limit of its range, so only its sum with the other is known"
+    if sum_of_both < 1.0:
+        reason = f"the sampling time of {Ts:g} s is longer than time constant and delay together"
+    elif limited_names:
+        reason = (
+            f"the {limited_names[0]} of the fit is at the limit of its range, so only its sum with the other is known"
+        )
     elif not np.all(np.isfinite(std)):
-        why = "the record has no information on the share of time constant and delay in their sum"
+        reason = "the record has no information on the share of time constant and delay in their sum"
     elif r < _LARGEST_CORRELATION:
-        why = f"an error of the time constant looks like one of the delay (correlation {r:.2f})"
-    elif max(std) > _TIME_PRECISION * both / 2:
+        reason = f"an error of the time constant looks like one of the delay (correlation {r:.2f})"
+    elif max(std) > _TIME_PRECISION * sum_of_both / 2:
         k = int(np.argmax(std))
-        why = f"the standard uncertainty of the {names[k]} alone is {std[k] * Ts:.2g} s, of {both * Ts:.2g} s together"
+        share = f"{std[k] * Ts:.2g} s, of {sum_of_both * Ts:.2g} s together"
+        reason = f"the standard uncertainty of the {names[k]} alone is {share}"
     else:
         return ValueEvidence(True, f"correlation {r:.2f}", counts)
-    return ValueEvidence(False, f"{why}; {_record_advice(fit, 'to tell them apart')}", counts)
+    return ValueEvidence(False, f"{reason}; {_record_advice(fit, 'to tell them apart')}", counts)
 
 
 def _theta_entry(i: int, theta: np.ndarray) -> float:

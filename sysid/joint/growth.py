@@ -79,13 +79,14 @@ class Growth(Shown):
         steps = [
             (name, step.bic) for step in self.steps if step.kept for name in remaining_parts((step.part,), self.dropped)
         ]
-        kept = [f"{WORDS[name]} (BIC {bic:.0f})" for name, bic in steps]
+        kept_words = [f"{WORDS[name]} (BIC {bic:.0f})" for name, bic in steps]
         doubt = "".join(
-            f" The record does not tell {WORDS[kept]} from {WORDS[other]}." for kept, other in self.undecided
+            f" The record does not tell {WORDS[kept_words]} from {WORDS[other_part]}."
+            for kept_words, other_part in self.undecided
         )
         return (
             f"Besides dry friction and a position-dependent load (BIC {self.plain_bic:.0f}), the joint has "
-            f"{' and '.join(kept)}." + doubt + stops
+            f"{' and '.join(kept_words)}." + doubt + stops
         )
 
     def plot(self) -> "Figure":
@@ -165,37 +166,45 @@ def _grow(
 
     The plain joint and the fit to the whole record are made whatever the time, so that there is a result.
     """
-    timed = {**options, "progress": clock.hears(options["progress"])}
+    timed_options = {**options, "progress": clock.hears(options["progress"])}
     k = thinning_factor(data, chain)
     rough = thin(data, k)
-    cut, pair = cut_at_rests(rough, chain), holdout_folds(data)
-    short = holdout_folds(cut)
-    both = _fit_plain(chain, rough, cut, starts, options)
-    known = (both, rough, cut, short, MARGIN, timed, names)
-    ends = clock.within("its end stops were chosen", choose_ends, present_ends(both), *known)
+    stretches, pair = cut_at_rests(rough, chain), holdout_folds(data)
+    short = holdout_folds(stretches)
+    fit_with_stops = _fit_plain(chain, rough, stretches, starts, options)
+    arguments = (fit_with_stops, rough, stretches, short, MARGIN, timed_options, names)
+    ends = clock.within("its end stops were chosen", choose_ends, present_ends(fit_with_stops), *arguments)
     # Over stretches a search seldom stops beside its optimum.
-    plain = clock.within(_NEARBY_SEARCH, search_nearby, ends.fit, ends.fit, cut, timed) if cut is rough else ends.fit
-    fit, steps, undecided = grow_rounds(plain, cut, short, names, timed, clock)
-    kept = tuple(step.part for step in steps if step.kept)
+    plain = (
+        clock.within(_NEARBY_SEARCH, search_nearby, ends.fit, ends.fit, stretches, timed_options)
+        if stretches is rough
+        else ends.fit
+    )
+    fit, steps, undecided = grow_rounds(plain, stretches, short, names, timed_options, clock)
+    kept_parts = tuple(step.part for step in steps if step.kept)
     first = float(ends.fit.criteria.bic)
     try:
-        whole = _fit_whole_record(fit, data, k, options)
+        whole_fit = _fit_whole_record(fit, data, k, options)
     except InputError:  # it runs away over the whole record, which stretches do not show
-        whole, steps, kept = fit_chain(chain_at_rate(ends.fit.model, k), data, starts=starts, **options), (), ()
-    fit = clock.within(_NEARBY_SEARCH, search_nearby, whole, whole, data, timed, kept)
+        whole_fit, steps, kept_parts = (
+            fit_chain(chain_at_rate(ends.fit.model, k), data, starts=starts, **options),
+            (),
+            (),
+        )
+    fit = clock.within(_NEARBY_SEARCH, search_nearby, whole_fit, whole_fit, data, timed_options, kept_parts)
     uncut: tuple[Fit, tuple[str, ...]] = fit, ()
-    fit, dropped = clock.within("parts were left out again", prune, uncut, fit, data, kept, MARGIN, timed)
-    left = remaining_parts(kept, dropped)
+    fit, dropped = clock.within("parts were left out again", prune, uncut, fit, data, kept_parts, MARGIN, timed_options)
+    parts_left = remaining_parts(kept_parts, dropped)
     for turn in range(_ROUNDS):
         bic, fit = (
             fit.criteria.bic,
-            clock.within(_NEARBY_SEARCH, search_nearby, fit, fit, data, timed, left if turn else ()),
+            clock.within(_NEARBY_SEARCH, search_nearby, fit, fit, data, timed_options, parts_left if turn else ()),
         )
         if fit.criteria.bic > bic - MARGIN:
             break
-    doubts = tuple((a, b) for a, b in undecided if b not in kept and a in left)
+    doubts = tuple((a, b) for a, b in undecided if b not in kept_parts and a in parts_left)
     growth = Growth(fit, first, steps, ends=ends.which, dropped=dropped, undecided=doubts)
-    return _confirm(growth, ends, data, _ThinRecord(rough, cut, k), pair, starts, timed, clock)
+    return _confirm(growth, ends, data, _ThinRecord(rough, stretches, k), pair, starts, timed_options, clock)
 
 
 def _fit_plain(chain: Chain, data: IOData, cut: IOData, starts: int, options: dict[str, Any]) -> Fit:
@@ -226,63 +235,68 @@ def _confirm(
     for k in range(1, _CONFIRMATIONS + 1):
         ways += 1
         try:
-            again = (fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
-            other = clock.within("other starts confirmed it", _fit_again, None, *again)
+            arguments = (fit, ends, data, rough, starts, {**options, "seed": options["seed"] + 1000 * k})
+            other_fit = clock.within("other starts confirmed it", _fit_again, None, *arguments)
         except (InputError, np.linalg.LinAlgError):  # no start gives a valid model
             continue
-        if other is None:
+        if other_fit is None:
             break
-        gap = float(other.criteria.bic - fit.criteria.bic)
+        gap = float(other_fit.criteria.bic - fit.criteria.bic)
         if abs(gap) <= MARGIN:
             agreed += 1
         elif gap < 0.0:
             agreed = 1
         if gap < -_SAME_OPTIMUM:
-            fit = other
+            fit = other_fit
         if agreed > 1:
             break
-    seen = holdout_errors(fit.model, fit.theta, pair).percent if pair else float("nan")
-    growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=seen, stopped=clock.sentence())
+    unseen_percent = holdout_errors(fit.model, fit.theta, pair).percent if pair else float("nan")
+    growth = replace(growth, fit=fit, agreed=agreed, unseen_percent=unseen_percent, stopped=clock.sentence())
     growth.fit.remember(data)
     return replace(growth, warnings=tuple(_warnings(growth, data, ways)))
 
 
 def _fit_again(fit: Fit, ends: Ends, data: IOData, rough: _ThinRecord, starts: int, options: dict[str, Any]) -> Fit:
     """The same chain from a plain joint that was found from other starts."""
-    bare, cut = ends.fit.model, rough.cut
-    found = _fit_plain(bare, rough.whole, cut, starts, options)
+    plain_chain, stretches = ends.fit.model, rough.cut
+    plain_fit = _fit_plain(plain_chain, rough.whole, stretches, starts, options)
     chain, theta = chain_at_rate(fit.model, 1.0 / rough.k), theta_at_rate(fit.model, fit.theta, 1.0 / rough.k)
-    own = set(chain.names) - set(bare.names)
-    grown = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in own}
+    grown_names = set(chain.names) - set(plain_chain.names)
+    grown_values = {name: float(v) for name, v in zip(chain.names, theta, strict=True) if name in grown_names}
     rng = np.random.default_rng(options["seed"])
-    base = lift_theta(bare, found.theta, chain, grown)
+    base = lift_theta(plain_chain, plain_fit.theta, chain, grown_values)
     points = [base, *(np.clip(shake_theta(chain, base, rng), *chain.limits) for _ in range(SHAKES - 1))]
-    run = fit_chain(chain, cut, start=base[None], options=Options(max_iterations=1), **options)
-    return _fit_whole_record(refine_from(run, points, cut, options), data, rough.k, options)
+    run = fit_chain(chain, stretches, start=base[None], options=Options(max_iterations=1), **options)
+    return _fit_whole_record(refine_from(run, points, stretches, options), data, rough.k, options)
 
 
 def _warnings(growth: Growth, data: IOData, ways: int) -> list[str]:
-    fit, said = growth.fit, [growth.stopped] if growth.stopped else []
+    fit, sentences = growth.fit, [growth.stopped] if growth.stopped else []
     if growth.agreed < 2 and not growth.stopped:
-        said.append(
+        sentences.append(
             f"only one of {1 + ways} independent starts led to this joint, so a better one may exist; try --starts 20"
         )
     y = data.y[data.observed[:, 0], 0]
-    seen = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
-    if growth.unseen_percent < seen - _UNSEEN_LOSS:
-        said.append(
+    fit_percent = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
+    if growth.unseen_percent < fit_percent - _UNSEEN_LOSS:
+        sentences.append(
             f"on parts of the record that the joint was not fitted to, its fit is {growth.unseen_percent:.1f} % "
-            f"instead of {seen:.1f} %: the record does not show often enough what decides its motion (arrivals at "
+            f"instead of {fit_percent:.1f} %: the record does not show often enough what decides its motion "
+            "(arrivals at "
             "both ends, starts from rest); record longer, or try --split 0.7"
         )
     _, high = fit.model.at_limit(fit.theta)
     free = fit.model.free & ~fit.model.initial
-    for name in (n for n, at in zip(fit.model.names, high & free, strict=True) if at and n.startswith("motor")):
+    for name in (
+        n for n, at_limit in zip(fit.model.names, high & free, strict=True) if at_limit and n.startswith("motor")
+    ):
         limit = dict(zip(fit.model.names, fit.theta, strict=True))[name]
         if name.endswith(".loss"):
-            said.append("the record does not tell the friction of the screw from its load; their sum is what counts")
+            sentences.append(
+                "the record does not tell the friction of the screw from its load; their sum is what counts"
+            )
             continue
-        said.append(
+        sentences.append(
             f"{name} is at its limit of {limit:g}: the structure does not suit the record; try --structure auto"
         )
-    return said
+    return sentences

@@ -52,18 +52,18 @@ def holdout_folds(data: IOData) -> tuple[Fold, ...]:
 
 def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> HoldoutErrors:
     """The chain fitted to each fold from theta (P,), the optimum of the whole record, and run over the other part."""
-    errors, chunks, outputs, begun = [], [], [], 0
+    errors, chunks, outputs, chunk_count = [], [], [], 0
     with one_blas_thread(), np.errstate(all="ignore"):
         for fold in pair:
-            own = refit(chain, theta, fold.estimation, _ITERATIONS)
-            judged, y = fold.judged, fold.unseen.y[:, 0]
-            run = np.concatenate([_free_run(chain, own, e) for e in fold.unseen.experiments])
+            fold_theta = refit(chain, theta, fold.estimation, _ITERATIONS)
+            is_judged, y = fold.judged, fold.unseen.y[:, 0]
+            run = np.concatenate([_free_run(chain, fold_theta, e) for e in fold.unseen.experiments])
             length = max(1, round(sum(f.unseen.N for f in pair) / _CHUNKS))
             places = np.concatenate([np.arange(n) // length + 1000 * k for k, n in enumerate(fold.unseen.lengths)])
-            places, begun = places + begun, begun + int(places.max()) + 1000
-            errors.append((y - run)[judged])
-            chunks.append(places[judged])
-            outputs.append(y[judged])
+            places, chunk_count = places + chunk_count, chunk_count + int(places.max()) + 1000
+            errors.append((y - run)[is_judged])
+            chunks.append(places[is_judged])
+            outputs.append(y[is_judged])
     e = np.clip(np.nan_to_num(np.concatenate(errors), nan=_DIVERGED), -_DIVERGED, _DIVERGED)
     return HoldoutErrors(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
 

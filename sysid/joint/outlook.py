@@ -22,45 +22,45 @@ _WORDS = {
 
 def unseen_ends(course: Course, data: IOData) -> list[str]:
     """One sentence for each end that the first record does not show, and that the input therefore keeps away from."""
-    found = []
+    sentences = []
     y, unit = data.y, display_quantity("", data.y_unit or "")
     falls = course.falls
-    for name, way, most in (("lower", -1, float(y.min())), ("upper", 1, float(y.max()))):
+    for name, way, farthest in (("lower", -1, float(y.min())), ("upper", 1, float(y.max()))):
         if course.met[-way if falls else way]:
             continue
-        place = f"{number(most * unit.factor, 4)} {unit.unit}".rstrip()
-        found.append(
+        place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
+        sentences.append(
             f"the first record shows no {name} end, and the input keeps the joint away from {place}, where it was "
             "farthest; if the joint has a stop there and may run into it, add --to-stops"
         )
     if not course.met[-1]:  # else the experiment begins with a run to that end
         start = f"{number(float(y[0, 0]) * unit.factor, 4)} {unit.unit}".rstrip()
-        found.append(f"begin the experiment at {start}, where the first record began")
-    return found
+        sentences.append(f"begin the experiment at {start}, where the first record began")
+    return sentences
 
 
 def shortfalls(names: Iterable[str], now: Sequence[JointValue], then: Sequence[JointValue], Ts: float) -> list[str]:
     """Sentences for the values `names` that an experiment in samples of `Ts` is not expected to determine, and for
     those that it tells less well than the first record does."""
-    missing, worse = [], []
-    before, after = ({v.name: v for v in values} for values in (now, then))
+    missing, wider = [], []
+    values_now, values_then = ({v.name: v for v in values} for values in (now, then))
     for name in names:
-        old, new = before.get(name), after.get(name)
+        old, new = values_now.get(name), values_then.get(name)
         if name.startswith("end_") and not (old and old.determined):
             continue  # see `unmet`
         if new is None or not new.determined:
-            missing.append(_WORDS[name] + _missing_reason(name, after))
+            missing.append(_WORDS[name] + _missing_reason(name, values_then))
         elif _width(new) > _WIDER * (_width(old) if old else np.inf):
-            worse.append(_WORDS[name])
-    found = []
+            wider.append(_WORDS[name])
+    sentences = []
     if missing:
-        found.append(
+        sentences.append(
             f"this experiment is not expected to determine: {'; '.join(missing)}. Try a shorter sampling time, "
             f"--sample {Ts / 2:.3g}, or larger inputs, --volts"
         )
-    if worse:
-        found.append(f"the first record tells more than this experiment is expected to tell of: {', '.join(worse)}")
-    return found
+    if wider:
+        sentences.append(f"the first record tells more than this experiment is expected to tell of: {', '.join(wider)}")
+    return sentences
 
 
 def weak_inputs(course: Course, unit: str) -> list[str]:
@@ -79,10 +79,10 @@ def weak_inputs(course: Course, unit: str) -> list[str]:
 def distant_prediction(course: Course, y: np.ndarray, data: IOData) -> list[str]:
     """A sentence if the predicted y (N,) leaves the range of `data` by more than the range itself."""
     low, high, unit = float(data.y.min()), float(data.y.max()), display_quantity("", data.y_unit or "")
-    far = float(y[np.argmax(np.abs(y - 0.5 * (low + high)))])
-    if low - (high - low) <= far <= high + (high - low):
+    farthest = float(y[np.argmax(np.abs(y - 0.5 * (low + high)))])
+    if low - (high - low) <= farthest <= high + (high - low):
         return []
-    place = f"{number(far * unit.factor, 4)} {unit.unit}".rstrip()
+    place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
     return [
         f"the prediction goes to {place}: the first fit has no stop there; leave --to-stops out if the joint has none"
     ]
@@ -90,9 +90,9 @@ def distant_prediction(course: Course, y: np.ndarray, data: IOData) -> list[str]
 
 def _missing_reason(name: str, values: Mapping[str, JointValue]) -> str:
     """Why a value is not determined, in brackets, without what to record next; '' if nothing is told."""
-    found = values.get(name) or values.get(name.replace("breakaway", "moving_friction"))
-    why = found.why.removeprefix("break-away is not determined: ") if found else ""
-    return f" ({_ADVICE.split(why)[0]})" if why else ""
+    value = values.get(name) or values.get(name.replace("breakaway", "moving_friction"))
+    reason = value.why.removeprefix("break-away is not determined: ") if value else ""
+    return f" ({_ADVICE.split(reason)[0]})" if reason else ""
 
 
 def _width(value: JointValue) -> float:

@@ -77,9 +77,9 @@ def is_plain(chain: Chain) -> bool:
 def chains_with_another(fit: Fit, data: IOData, names: tuple[str, ...]) -> Iterator[tuple[str, Chain, np.ndarray]]:
     """Every chain with one more part than the fit, with starting points (K, P)."""
     for name in names:
-        found = PARTS[name].added(fit, data)
-        if found is not None:
-            yield name, *found
+        candidate = PARTS[name].added(fit, data)
+        if candidate is not None:
+            yield name, *candidate
 
 
 def restart_points(name: str, fit: Fit, data: IOData) -> list[np.ndarray]:
@@ -96,21 +96,23 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
     chain, motor = fit.model, motor_of(fit.model)
     if any(getattr(motor, option, True) or not _is_possible(motor, option, options) for option in options):
         return None
-    switched: dict[str, Any] = dict.fromkeys(options, True)
+    motor_options: dict[str, Any] = dict.fromkeys(options, True)
     if "stribeck" in options:
-        switched["substeps"] = max(motor.substeps, _SUBSTEPS)
-    richer = replace(motor, **switched)
-    held = dict(chain.fixed)
-    if "loss" in options and held.get(f"{motor.role}.load0") == 0.0:
-        del held[f"{motor.role}.load0"]  # a loss tells a load from a difference between the frictions
-    grown = sub(replace(chain, fixed=held), tuple(richer if b is motor else b for b in chain.blocks))
+        motor_options["substeps"] = max(motor.substeps, _SUBSTEPS)
+    richer = replace(motor, **motor_options)
+    fixed_values = dict(chain.fixed)
+    if "loss" in options and fixed_values.get(f"{motor.role}.load0") == 0.0:
+        del fixed_values[f"{motor.role}.load0"]  # a loss tells a load from a difference between the frictions
+    richer_chain = sub(replace(chain, fixed=fixed_values), tuple(richer if b is motor else b for b in chain.blocks))
     points = friction_starts(options, chain, fit.theta, data)
     if "stribeck" in options:
         part = chain.part(fit.theta, motor)
         gain, rise, fall = (motor.value(part, name) for name in ("gain", "rise", "fall"))
         least = max(_CREEP * gain * 0.5 * (rise + fall), 1e-9)
-        grown = replace(grown, bounds={**grown.bounds, f"{motor.role}.stick_speed": (least, np.inf)})
-    return grown, np.array([lift_theta(chain, fit.theta, grown, point) for point in points])
+        richer_chain = replace(
+            richer_chain, bounds={**richer_chain.bounds, f"{motor.role}.stick_speed": (least, np.inf)}
+        )
+    return richer_chain, np.array([lift_theta(chain, fit.theta, richer_chain, point) for point in points])
 
 
 def _is_possible(motor: Motor, option: str, options: tuple[str, ...]) -> bool:
@@ -126,50 +128,50 @@ def _with_waves(fit: Fit, data: IOData, waves: int) -> Candidate | None:
     """A load periodic in the angle, of a motor whose position is the angle itself."""
     chain, motor = fit.model, motor_of(fit.model)
     period = 360.0 if data.y_unit in DEGREES else 2.0 * np.pi
-    least, most = (share * period for share in TURNS_NEEDED)
+    least, largest = (share * period for share in TURNS_NEEDED)
     mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
-    if mapped or motor.periodic or not least < np.ptp(data.y) < most:
+    if mapped or motor.periodic or not least < np.ptp(data.y) < largest:
         return None
     richer = replace(motor, periodic=waves, period=period)
-    grown = sub(chain, tuple(richer if b is motor else b for b in chain.blocks))
+    richer_chain = sub(chain, tuple(richer if b is motor else b for b in chain.blocks))
     part = chain.part(fit.theta, motor)
     dry = 0.5 * (motor.value(part, "rise") + motor.value(part, "fall"))
     size = max(dry, 0.1 * float(np.std(data.u)))
-    straight = {f"{motor.role}.load{i}": 0.0 for i in range(1, motor.load)}
+    no_polynomial = {f"{motor.role}.load{i}": 0.0 for i in range(1, motor.load)}
     points = [
-        {**straight, f"{motor.role}.sine1": share * size * a, f"{motor.role}.cosine1": share * size * b}
+        {**no_polynomial, f"{motor.role}.sine1": share * size * a, f"{motor.role}.cosine1": share * size * b}
         for share in (0.5, 2.0)
         for a, b in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
     ]
-    return grown, np.array([lift_theta(chain, fit.theta, grown, point) for point in points])
+    return richer_chain, np.array([lift_theta(chain, fit.theta, richer_chain, point) for point in points])
 
 
 def _with_play(fit: Fit, data: IOData, kind: type[Block]) -> Candidate | None:
     """Backlash before the sensor, if there is one. A link that coasts may take the place of a play."""
     chain = fit.model
-    held = CoastingPlay if kind is CoastingPlay else Play | CoastingPlay
-    if any(isinstance(b, held) for b in chain.blocks):
+    present_kinds = CoastingPlay if kind is CoastingPlay else Play | CoastingPlay
+    if any(isinstance(b, present_kinds) for b in chain.blocks):
         return None
-    bare = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
-    place = len(bare.blocks) - (bare.blocks[-1].role == "sensor")
-    grown = sub(bare, (*bare.blocks[:place], kind(role="play"), *bare.blocks[place:]))
-    base = lift_theta(chain, fit.theta, bare, {})
+    playless = sub(chain, tuple(b for b in chain.blocks if not isinstance(b, Play)))
+    place = len(playless.blocks) - (playless.blocks[-1].role == "sensor")
+    richer_chain = sub(playless, (*playless.blocks[:place], kind(role="play"), *playless.blocks[place:]))
+    base = lift_theta(chain, fit.theta, playless, {})
     with np.errstate(all="ignore"):  # of a joint that does not move no link can be judged
-        found = play_starts(grown, bare, base, data)[:_PLAYS_TRIED]
-    points = np.array([lift_theta(chain, fit.theta, grown, point) for point in found])
-    return (grown, points) if np.all(np.isfinite(points)) else None
+        points_found = play_starts(richer_chain, playless, base, data)[:_PLAYS_TRIED]
+    points = np.array([lift_theta(chain, fit.theta, richer_chain, point) for point in points_found])
+    return (richer_chain, points) if np.all(np.isfinite(points)) else None
 
 
 def remaining_parts(kept: tuple[str, ...], dropped: tuple[str, ...]) -> tuple[str, ...]:
     """The parts kept without those dropped; of a part that is made of two the other one stays."""
-    found = []
+    parts = []
     for name in kept:
-        own = PARTS[name].options
-        if name in dropped or (own and set(own) <= set(dropped)):
+        options = PARTS[name].options
+        if name in dropped or (options and set(options) <= set(dropped)):
             continue
-        left = [option for option in own if option not in dropped]
-        found += [name] if len(left) == len(own) else left
-    return tuple(found)
+        options_left = [option for option in options if option not in dropped]
+        parts += [name] if len(options_left) == len(options) else options_left
+    return tuple(parts)
 
 
 def prune(
@@ -203,8 +205,8 @@ def chains_without(name: str, fit: Fit) -> Iterator[tuple[str, Candidate]]:
     for option in part.options:
         if option == "stribeck" and motor.sided:  # which goes first
             continue
-        switched: dict[str, Any] = {option: False} | ({"substeps": 1} if option == "stribeck" else {})
-        plainer = replace(motor, **switched)
+        motor_options: dict[str, Any] = {option: False} | ({"substeps": 1} if option == "stribeck" else {})
+        plainer = replace(motor, **motor_options)
         blocks = tuple(plainer if b is motor else b for b in chain.blocks)
         yield option, _candidate(fit, blocks, _compensating_values(option, fit))
 
@@ -219,8 +221,8 @@ def _compensating_values(option: str, fit: Fit) -> list[dict[str, float]]:
     motor = motor_of(fit.model)
     p = {**motor.absent, **motor.by_name(fit.model.part(fit.theta, motor))}
     if option == "loss":
-        lost, load = p["loss"] * abs(p["load0"]), p["load0"]
-        dry = {"rise": p["rise"] + lost + load, "fall": p["fall"] + lost - load, "load0": 0.0}
+        load_friction, load = p["loss"] * abs(p["load0"]), p["load0"]
+        dry = {"rise": p["rise"] + load_friction + load, "fall": p["fall"] + load_friction - load, "load0": 0.0}
         return [{f"{motor.role}.{name}": value for name, value in dry.items()}]
     if option == "sided":
         return [

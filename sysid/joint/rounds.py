@@ -85,10 +85,10 @@ class Clock:
         """What the time left out, and what to do; empty if nothing."""
         if not self.left:
             return ""
-        *others, last = dict.fromkeys(self.left)
-        listed = f"{', '.join(others)} and {last}" if others else last
+        *first_stages, last = dict.fromkeys(self.left)
+        stages = f"{', '.join(first_stages)} and {last}" if first_stages else last
         return (
-            f"growth was stopped after {self.seconds:g} s, before {listed}: a better "
+            f"growth was stopped after {self.seconds:g} s, before {stages}: a better "
             f"joint may exist; give it more time, for example --seconds {2.0 * self.seconds:g}"
         )
 
@@ -121,8 +121,8 @@ def refine_from(
 ) -> Fit:
     """The fit, or that from the most promising points: `glance` iterations at each, the `finalists` to the end."""
     leaders = best_points(fit.model, np.array(points), data, glance, finalists)
-    other = search_from(fit.model, leaders[:finalists], data, options)
-    return other if other is not None and other.criteria.loss < fit.criteria.loss else fit
+    other_fit = search_from(fit.model, leaders[:finalists], data, options)
+    return other_fit if other_fit is not None and other_fit.criteria.loss < fit.criteria.loss else fit
 
 
 def search_nearby(fit: Fit, data: IOData, options: dict[str, Any], grown: tuple[str, ...] = ()) -> Fit:
@@ -163,58 +163,60 @@ def grow_rounds(
     A round that the clock ends does not count: parts are judged beside each other.
     """
     steps: list[Step] = []
-    undecided: list[tuple[str, str]] = []
-    nothing: dict[str, Fit] = {}
+    undecided_pairs: list[tuple[str, str]] = []
+    no_fits: dict[str, Fit] = {}
     k = 0
     while True:
-        tried = clock.within("every part was tried", _search_round, nothing, fit, data, names, options)
-        earned = {name: float(fit.criteria.bic - other.criteria.bic) for name, other in tried.items()}
-        best, ratios = _best_part(fit, tried, earned, pair)
+        fits_with_part = clock.within("every part was tried", _search_round, no_fits, fit, data, names, options)
+        reductions = {
+            name: float(fit.criteria.bic - other_fit.criteria.bic) for name, other_fit in fits_with_part.items()
+        }
+        best, ratios = _best_part(fit, fits_with_part, reductions, pair)
         steps += [
-            Step(k, name, float(other.criteria.bic), earned[name], name == best, ratios.get(name, np.nan))
-            for name, other in tried.items()
+            Step(k, name, float(other_fit.criteria.bic), reductions[name], name == best, ratios.get(name, np.nan))
+            for name, other_fit in fits_with_part.items()
         ]
         if best is None:
-            return fit, tuple(steps), tuple(undecided)
-        undecided += [(best, name) for name in tried if _is_undecided(best, name, earned)]
+            return fit, tuple(steps), tuple(undecided_pairs)
+        undecided_pairs += [(best, name) for name in fits_with_part if _is_undecided(best, name, reductions)]
         k += 1
-        last = (tried[best].model, tried[best].theta[None], data, options)
-        fit = clock.within("every part was tried", search_from, None, *last) or tried[best]
+        last = (fits_with_part[best].model, fits_with_part[best].theta[None], data, options)
+        fit = clock.within("every part was tried", search_from, None, *last) or fits_with_part[best]
 
 
 def _search_round(fit: Fit, data: IOData, names: tuple[str, ...], options: dict[str, Any]) -> dict[str, Fit]:
     """The fits with one more part, by its name."""
-    tried: dict[str, Fit] = {}
+    fits_with_part: dict[str, Fit] = {}
     for name, chain, points in chains_with_another(fit, data, names):
-        other = search_from(chain, points, data, options, _ROUND_SEARCH)
-        if other is not None:
-            tried[name] = other
-    return tried
+        other_fit = search_from(chain, points, data, options, _ROUND_SEARCH)
+        if other_fit is not None:
+            fits_with_part[name] = other_fit
+    return fits_with_part
 
 
 def _best_part(
-    fit: Fit, tried: dict[str, Fit], earned: dict[str, float], pair: tuple[Fold, ...]
+    fit: Fit, fits_with_part: dict[str, Fit], reductions: dict[str, float], pair: tuple[Fold, ...]
 ) -> tuple[str | None, dict[str, float]]:
     """The part that lowers BIC most among those that lower it enough and do no harm on unseen parts."""
     ratios: dict[str, float] = {}
-    before: HoldoutErrors | None = None
-    for name in sorted(earned, key=lambda name: -earned[name]):
-        if earned[name] <= MARGIN:
+    errors_without: HoldoutErrors | None = None
+    for name in sorted(reductions, key=lambda name: -reductions[name]):
+        if reductions[name] <= MARGIN:
             break
         if not pair:
             return name, ratios
-        before = before or holdout_errors(fit.model, fit.theta, pair)
-        if before.rms > _JUDGING_ERROR * float(np.sqrt(fit.criteria.mse)):
+        errors_without = errors_without or holdout_errors(fit.model, fit.theta, pair)
+        if errors_without.rms > _JUDGING_ERROR * float(np.sqrt(fit.criteria.mse)):
             return name, ratios  # the folds do not show what a joint needs, with this part or without it
-        after = holdout_errors(tried[name].model, tried[name].theta, pair)
-        ratios[name] = after.rms / before.rms
-        if not is_harmful(before, after, float(np.sqrt(tried[name].criteria.mse))):
+        errors_with = holdout_errors(fits_with_part[name].model, fits_with_part[name].theta, pair)
+        ratios[name] = errors_with.rms / errors_without.rms
+        if not is_harmful(errors_without, errors_with, float(np.sqrt(fits_with_part[name].criteria.mse))):
             return name, ratios
     return None, ratios
 
 
-def _is_undecided(best: str, name: str, earned: dict[str, float]) -> bool:
+def _is_undecided(best: str, name: str, reductions: dict[str, float]) -> bool:
     """Whether the record does not tell the kept part from another one that is not a part of it, or it of that."""
     if name == best or PARTS[name].within(PARTS[best]) or PARTS[best].within(PARTS[name]):
         return False
-    return earned[best] - earned[name] < _UNDECIDED
+    return reductions[best] - reductions[name] < _UNDECIDED

@@ -32,11 +32,11 @@ _STILL_SHARE = 50  # a joint is still where it hardly moves over this share of a
 
 def sample_powers(chain: Chain) -> np.ndarray:
     """Power (P,) of the sample in each parameter's unit: 1 for "samples", -2 for "y/sample^2", 0 without one."""
-    found = []
+    powers = []
     for slot in chain.slots:
-        seen = _SAMPLE.search(slot.unit)
-        found.append(0 if seen is None else (-1 if seen[1] else 1) * int(seen[2] or 1))
-    return np.array(found)
+        match = _SAMPLE.search(slot.unit)
+        powers.append(0 if match is None else (-1 if match[1] else 1) * int(match[2] or 1))
+    return np.array(powers)
 
 
 def chain_at_rate(chain: Chain, times: float) -> Chain:
@@ -71,8 +71,8 @@ def rate_needed(fit: Fit) -> int:
 
 def thinning_factor(data: IOData, chain: Chain) -> int:
     """How many samples may become one; 1 where the record is short, has gaps, or the chain holds a time of its own."""
-    given = {name for name in (*chain.fixed, *chain.bounds) if not name.endswith(".v0")}
-    timed = any(power and name in given for name, power in zip(chain.names, sample_powers(chain), strict=True))
+    timed_names = {name for name in (*chain.fixed, *chain.bounds) if not name.endswith(".v0")}
+    timed = any(power and name in timed_names for name, power in zip(chain.names, sample_powers(chain), strict=True))
     if timed or data.missing is not None:
         return 1
     steps = np.concatenate([np.abs(np.diff(e.y[:, 0])) for e in data.experiments])
@@ -88,11 +88,11 @@ def thin(data: IOData, k: int) -> IOData:
     parts = []
     for e in data.experiments:
         n = e.N // k
-        whole = e.select(0, n * k)
+        multiple = e.select(0, n * k)
         parts.append(
             IOData(
-                whole.u.reshape(n, k, -1).mean(axis=1),
-                whole.y[::k],
+                multiple.u.reshape(n, k, -1).mean(axis=1),
+                multiple.y[::k],
                 k * data.Ts,
                 **{name: getattr(data, name) for name in ("u_name", "y_name", "u_unit", "y_unit")},
                 u_offset=data.u_offset,
@@ -121,8 +121,8 @@ def _rest_cuts(y: np.ndarray, length: int) -> list[int]:
     count = len(y) // length
     reach, half = round(_CUT_REACH * length), max(2, length // _STILL_SHARE)
     moves = np.convolve(np.abs(np.diff(y, prepend=y[0])), np.ones(2 * half + 1), "same")
-    found = []
+    cuts = []
     for k in range(1, count):
         first = round(k * len(y) / count) - reach
-        found.append(first + int(np.argmin(moves[first : first + 2 * reach])))
-    return found
+        cuts.append(first + int(np.argmin(moves[first : first + 2 * reach])))
+    return cuts

@@ -63,28 +63,30 @@ class Spread:
         the information, their variances are the same.
         """
         gradient = gradient_of(read, self.noise.theta)
-        off = self.lack * float(np.linalg.norm(gradient @ self.plain.factor))
-        at_optimum = float(np.hypot(float(self.noise.std_of(gradient)[0]), off))
+        structural = self.lack * float(np.linalg.norm(gradient @ self.plain.factor))
+        at_optimum = float(np.hypot(float(self.noise.std_of(gradient)[0]), structural))
         return at_optimum if np.isnan(at_optimum) else max(at_optimum, self.apart(read))
 
     def apart(self, read: Callable[[np.ndarray], float]) -> float:
         """Root mean square deviation of a value on halves of the record from that on the whole; 0 without halves."""
         value = read(self.noise.theta)
-        off = np.array([read(theta) - value for theta in self.refits])
-        off = off[np.isfinite(off)]
-        return float(np.sqrt(np.mean(off**2))) if len(off) else 0.0
+        deviations = np.array([read(theta) - value for theta in self.refits])
+        deviations = deviations[np.isfinite(deviations)]
+        return float(np.sqrt(np.mean(deviations**2))) if len(deviations) else 0.0
 
 
 def white_spread(fit: Fit, level: float) -> Callable[[Callable[[np.ndarray], float]], float]:
     """Half width of an interval of a value that is read from theta, for white residuals; nan if it is undetermined."""
     factor = float(norm.ppf(0.5 + level / 2))
-    covariance, known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
+    covariance, is_known = fit.covariance.cov, np.isfinite(fit.covariance.std()) | ~fit.model.free
 
     def spread(read: Callable[[np.ndarray], float]) -> float:
         gradient = gradient_of(read, fit.theta)
-        if np.any(np.abs(gradient[~known]) > 0.0):
+        if np.any(np.abs(gradient[~is_known]) > 0.0):
             return np.nan
-        return factor * float(np.sqrt(max(gradient[known] @ covariance[np.ix_(known, known)] @ gradient[known], 0.0)))
+        return factor * float(
+            np.sqrt(max(gradient[is_known] @ covariance[np.ix_(is_known, is_known)] @ gradient[is_known], 0.0))
+        )
 
     return spread
 
@@ -122,8 +124,8 @@ def structural_deviation(name: str, value: float, travel: float, Ts: float, dry:
         return END_DEVIATION * travel
     if name in ("lag_and_delay", "time_constant", "delay"):
         return float(np.hypot(TIME_DEVIATION * Ts, DELAY_SHARE * value))
-    of = dry if name.startswith(("coulomb", "moving_friction")) else abs(value)
-    return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * of
+    reference = dry if name.startswith(("coulomb", "moving_friction")) else abs(value)
+    return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * reference
 
 
 def gradient_of(read: Callable[[np.ndarray], float], theta: np.ndarray) -> np.ndarray:

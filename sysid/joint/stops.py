@@ -59,8 +59,8 @@ def noise_level(y: np.ndarray) -> float:
 
 def rounding_deviation(y: np.ndarray) -> float:
     """Standard deviation of the rounding of y (N,) to the steps of a converter; 0 where no step is seen."""
-    seen = np.unique(y)
-    return float(np.diff(seen).min()) / np.sqrt(12.0) if len(seen) >= _FEWEST_READINGS else 0.0
+    readings = np.unique(y)
+    return float(np.diff(readings).min()) / np.sqrt(12.0) if len(readings) >= _FEWEST_READINGS else 0.0
 
 
 def drive_sign(u: np.ndarray, y: np.ndarray) -> float:
@@ -86,32 +86,32 @@ def stop_test(
     end; noise [y]: its standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may
     differ.
     """
-    us, ys = ([np.ravel(a) for a in (x if isinstance(x, list | tuple) else [x])] for x in (u, y))
-    way = outward * drive_sign(np.concatenate(us), np.concatenate(ys))
-    pushes, places = [way * a for a in us], [outward * a for a in ys]
+    inputs, ys = ([np.ravel(a) for a in (x if isinstance(x, list | tuple) else [x])] for x in (u, y))
+    way = outward * drive_sign(np.concatenate(inputs), np.concatenate(ys))
+    pushes, places = [way * a for a in inputs], [outward * a for a in ys]
     end = outward * end
     low, high = (float(f(np.concatenate(places))) for f in (np.min, np.max))
-    near = SURE_DEVIATIONS * noise + _SAME_PLACE * (high - low) + slack
+    margin = SURE_DEVIATIONS * noise + _SAME_PLACE * (high - low) + slack
     farthest = float(max(_medians(a).max() for a in places))
-    away = (low + max(3.0 * near, 0.05 * (high - low)), end - max(3.0 * near, 0.05 * (high - low)))
+    between_ends = (low + max(3.0 * margin, 0.05 * (high - low)), end - max(3.0 * margin, 0.05 * (high - low)))
     window = speed_window(noise, np.concatenate([np.abs(np.diff(a)) for a in places]))
     least = SURE_DEVIATIONS * noise * np.sqrt(2.0 / window) / window
-    elsewhere = [_motion_between(p, a, away, window, least) for p, a in zip(pushes, places, strict=True)]
-    held, speed, place = (np.concatenate([part[k] for part in elsewhere]) for k in range(3))
+    motions = [_motion_between(p, a, between_ends, window, least) for p, a in zip(pushes, places, strict=True)]
+    voltages, speed, place = (np.concatenate([part[k] for part in motions]) for k in range(3))
     moving = speed > least
-    moves = _moving_voltage(held, moving)
-    free = _FreeMotion(held[moving], speed[moving], place[moving])
+    moves = _moving_voltage(voltages, moving)
+    free = _FreeMotion(voltages[moving], speed[moving], place[moving])
     visits: list[Visit] = []
     for p, a in zip(pushes, places, strict=True):
-        visits += _visits(p, a, end - near, moves, free, noise)
+        visits += _visits(p, a, end - margin, moves, free, noise)
     rests = max((v.reading for v in visits), default=farthest)
     beyond = (
-        farthest - end > near or farthest - rests > _REST_TOLERANCE * noise + 0.5 * _SAME_PLACE * (high - low) + slack
+        farthest - end > margin or farthest - rests > _REST_TOLERANCE * noise + 0.5 * _SAME_PLACE * (high - low) + slack
     )
     visits = [Visit(v.first, v.last, outward * v.reading, v.push, v.speed) for v in visits]
-    found = StopTest(False, "", tuple(visits), outward * farthest, moves)
-    why = _missing_evidence(found, beyond)
-    return StopTest(not why, why, tuple(visits), outward * farthest, moves)
+    test = StopTest(False, "", tuple(visits), outward * farthest, moves)
+    reason = _missing_evidence(test, beyond)
+    return StopTest(not reason, reason, tuple(visits), outward * farthest, moves)
 
 
 @dataclass(frozen=True)
@@ -124,8 +124,8 @@ class _FreeMotion:
 
     def usual(self, level: float) -> float:
         """Speed at about the voltage `level`, or at any where there was no such voltage."""
-        same = (self.held > 0.8 * level) & (self.held < 1.1 * level)
-        return float(np.median(self.speed[same] if same.any() else self.speed))
+        at_level = (self.held > 0.8 * level) & (self.held < 1.1 * level)
+        return float(np.median(self.speed[at_level] if at_level.any() else self.speed))
 
     def trend(self, level: float, place: float) -> float:
         """Speed at a voltage and place by a plane through the speeds in the outer half; a load moves it with place."""
@@ -135,15 +135,15 @@ class _FreeMotion:
         return float(plane @ (1.0, level, place))
 
 
-def _missing_evidence(found: StopTest, beyond: bool) -> str:
+def _missing_evidence(test: StopTest, beyond: bool) -> str:
     """Why no stop is shown; '' if one is."""
-    if not np.isfinite(found.moves):
+    if not np.isfinite(test.moves):
         return "no voltage moves the joint elsewhere, so a rest shows no stop"
-    if not found.visits:
+    if not test.visits:
         return "the joint never rests there against a voltage that moves it elsewhere"
     if beyond:
         return "the joint is seen beyond it"
-    if not found.arrivals:
+    if not test.arrivals:
         return "the joint never arrives there at speed"
     return ""
 
@@ -180,10 +180,14 @@ def _motion_between(
     """Voltage, speed, place at the samples with a place `between`; of changing voltages the largest where the joint is
     faster than `least`, which a smaller one may not have moved, else the smallest, which may not have acted long."""
     speed = mean_speeds(place, m)
-    at = np.arange(m, m + len(speed))
-    around = np.stack([push[np.clip(at + k, 0, len(push) - 1)] for k in range(-_HELD_SAMPLES, m)])
-    there = (place[at] > between[0]) & (place[at] < between[1])
-    return np.where(speed > least, around.max(axis=0), around.min(axis=0))[there], speed[there], place[at][there]
+    samples = np.arange(m, m + len(speed))
+    recent_pushes = np.stack([push[np.clip(samples + k, 0, len(push) - 1)] for k in range(-_HELD_SAMPLES, m)])
+    is_between = (place[samples] > between[0]) & (place[samples] < between[1])
+    return (
+        np.where(speed > least, recent_pushes.max(axis=0), recent_pushes.min(axis=0))[is_between],
+        speed[is_between],
+        place[samples][is_between],
+    )
 
 
 def _moving_voltage(held: np.ndarray, moving: np.ndarray) -> float:
@@ -194,43 +198,50 @@ def _moving_voltage(held: np.ndarray, moving: np.ndarray) -> float:
     good = np.flatnonzero((share >= _MOVING_SHARE) & moving[order])
     if not len(good) or good[-1] + 1 < _FEWEST_SAMPLES:
         return np.inf
-    found = float(held[order][good[-1]])
-    below = held[~moving & (held < found)]
-    return max(found, float(below.max()) + _VOLTAGE_MARGIN * abs(float(below.max()))) if len(below) else found
+    voltage = float(held[order][good[-1]])
+    resting_voltages = held[~moving & (held < voltage)]
+    return (
+        max(voltage, float(resting_voltages.max()) + _VOLTAGE_MARGIN * abs(float(resting_voltages.max())))
+        if len(resting_voltages)
+        else voltage
+    )
 
 
 def _visits(
     push: np.ndarray, place: np.ndarray, near: float, moves: float, free: _FreeMotion, noise: float
 ) -> list[Visit]:
     """Rests above the place `near` under a voltage that moves the joint elsewhere."""
-    found: list[Visit] = []
+    visits: list[Visit] = []
     if not np.isfinite(moves):
-        return found
+        return visits
     least = moves - _SAME_LEVEL * float(np.abs(push).max())
-    at = np.concatenate([[False], (place >= near) & (push >= least), [False]])
-    edges = np.flatnonzero(np.diff(at.astype(int)))
+    is_pushed = np.concatenate([[False], (place >= near) & (push >= least), [False]])
+    edges = np.flatnonzero(np.diff(is_pushed.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
         rest = place[first + _SETTLING_SAMPLES : last]
         if len(rest) < REST_SAMPLES:
             continue
         half = len(rest) // 2
-        drift, seen = abs(float(rest[half:].mean() - rest[:half].mean())), SURE_DEVIATIONS * noise * np.sqrt(2.0 / half)
+        drift, visible_drift = (
+            abs(float(rest[half:].mean() - rest[:half].mean())),
+            SURE_DEVIATIONS * noise * np.sqrt(2.0 / half),
+        )
         level = float(np.median(push[first:last]))
         usual = free.usual(level)
-        if drift > seen or half * usual < 2.0 * seen:  # a slow motion may look like it
+        if drift > visible_drift or half * usual < 2.0 * visible_drift:  # a slow motion may look like it
             continue
         if free.trend(level, float(rest.mean())) < _AT_SPEED * usual:  # a load may hold it
             continue
         speed = _arrival(push, place, int(first), near, free)
-        found.append(Visit(int(first), int(last), float(rest.mean()), level, speed))
-    return found
+        visits.append(Visit(int(first), int(last), float(rest.mean()), level, speed))
+    return visits
 
 
 def _arrival(push: np.ndarray, place: np.ndarray, first: int, near: float, free: _FreeMotion) -> float:
     """Speed just before the sample `first` as a share of that elsewhere at the same voltage; 0 without an approach."""
-    back = 2
-    if first < back or place[first - 1] >= near:
+    lookback = 2
+    if first < lookback or place[first - 1] >= near:
         return 0.0
-    came = float(place[first] - place[first - back]) / back
-    usual = free.usual(float(np.median(push[first - back : first + 1])))
+    came = float(place[first] - place[first - lookback]) / lookback
+    usual = free.usual(float(np.median(push[first - lookback : first + 1])))
     return max(came / usual, 0.0) if usual > 0.0 else 0.0

@@ -80,7 +80,7 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts)
-    shown, dry = None, 0.0
+    support, dry = None, 0.0
     if data is None:
         plain = white_spread(fit, level)
         rows = {name: ValueEvidence(True) for name in readings}
@@ -88,12 +88,12 @@ def joint_values(
         plain = spread_of(fit, data, level, halves=not complete)
         if complete:
             plain = replace(plain, lack=0.0)
-        shown = evidence(fit, data, plain)
-        readings = _determined_readings(readings, shown)
+        support = evidence(fit, data, plain)
+        readings = _determined_readings(readings, support)
         dry = 0.5 * abs(readings["coulomb_up"][1](fit.theta) - readings["coulomb_down"][1](fit.theta))
-        rows = {name: _check_precision(name, _evidence_of(name, shown), readings, plain, dry) for name in readings}
+        rows = {name: _check_precision(name, _evidence_of(name, support), readings, plain, dry) for name in readings}
     way, factor = _stroke(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
-    found = []
+    values = []
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]
         if not np.isfinite(value):
@@ -104,14 +104,14 @@ def joint_values(
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
-            if shown is not None and not complete:
-                value, lacks = _record_correction(name, value, shown, way, fit.Ts, dry)
-                lacks = float(np.hypot(lacks, _play_half_width(chain, fit.theta) if name in shown.stops else 0.0))
-                half = 0.0 if name in shown.breakaway else half  # which the agreement with the starts includes
+            if support is not None and not complete:
+                value, lacks = _record_correction(name, value, support, way, fit.Ts, dry)
+                lacks = float(np.hypot(lacks, _play_half_width(chain, fit.theta) if name in support.stops else 0.0))
+                half = 0.0 if name in support.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
             limits = max(value - half, least), value + half
-        found.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
-    return tuple(found)
+        values.append(JointValue(name, float(value), *limits, unit, row.determined, row.why))
+    return tuple(values)
 
 
 def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]:
@@ -119,8 +119,8 @@ def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]
     if not unit:
         return values
 
-    def named(of: str) -> str:
-        return "/".join(unit if part == "y" else part for part in of.split("/"))
+    def named(unit_text: str) -> str:
+        return "/".join(unit if part == "y" else part for part in unit_text.split("/"))
 
     return tuple(replace(v, unit=named(v.unit)) for v in values)
 
@@ -133,13 +133,13 @@ def displayed_value(value: JointValue) -> JointValue:
 
 
 def _record_correction(
-    name: str, value: float, shown: Evidence, way: float, Ts: float, dry: float
+    name: str, value: float, support: Evidence, way: float, Ts: float, dry: float
 ) -> tuple[float, float]:
     """A value with what the record shows of it directly, and its standard uncertainty beyond that of the fit."""
-    if name in shown.breakaway:
-        return value + shown.breakaway[name].shift, shown.breakaway[name].std
-    if name in shown.stops:
-        rests = float(np.mean([visit.reading for visit in shown.stops[name].visits]))
+    if name in support.breakaway:
+        return value + support.breakaway[name].shift, support.breakaway[name].std
+    if name in support.stops:
+        rests = float(np.mean([visit.reading for visit in support.stops[name].visits]))
         value = float(np.clip(value, rests - END_REACH * way, rests + END_REACH * way))
     return value, structural_deviation(name, value, way, Ts, dry)
 
@@ -189,7 +189,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
 
     servo = isinstance(motor, ServoMotor)
     volts = "duty" if servo and chain.fixed.get(f"{motor.role}.limit") == 1.0 else "V"
-    found: dict[str, Reading] = {
+    readings: dict[str, Reading] = {
         "speed_per_volt": ("y/s/V", speed, -np.inf),
         "time_constant": ("s", lambda theta: of("lag")(theta) * Ts, 0.0),
         "breakaway_up": (volts, lambda theta: held(theta, 1, True), -np.inf),
@@ -198,46 +198,46 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         "coulomb_down": (volts, lambda theta: held(theta, -1, False), -np.inf),
     }
     if travel is not None:
-        found["end_low"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
-        found["end_high"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
+        readings["end_low"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
+        readings["end_high"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
     elif motor.stops:
-        found["end_low"], found["end_high"] = ("y", of("lower"), -np.inf), ("y", of("upper"), -np.inf)
+        readings["end_low"], readings["end_high"] = ("y", of("lower"), -np.inf), ("y", of("upper"), -np.inf)
     if play is not None:
-        found["backlash"] = ("y", lambda theta: float(chain.part(theta, play)[0]), 0.0)
+        readings["backlash"] = ("y", lambda theta: float(chain.part(theta, play)[0]), 0.0)
     if servo:
-        del found["speed_per_volt"]
-        found = {"speed_full_drive": ("y/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | found
-        found["kp"] = (f"{volts}/y", of("kp"), 0.0)
+        del readings["speed_per_volt"]
+        readings = {"speed_full_drive": ("y/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | readings
+        readings["kp"] = (f"{volts}/y", of("kp"), 0.0)
         if f"{motor.role}.kd" in chain.names:
-            found["kd"] = (f"{volts} s/y", lambda theta: of("kd")(theta) * Ts, 0.0)
+            readings["kd"] = (f"{volts} s/y", lambda theta: of("kd")(theta) * Ts, 0.0)
     if motor.delayed:
-        found["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
-    return found
+        readings["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
+    return readings
 
 
-def _determined_readings(readings: dict[str, Reading], shown: Evidence) -> dict[str, Reading]:
+def _determined_readings(readings: dict[str, Reading], support: Evidence) -> dict[str, Reading]:
     """The readings with moving friction in place of a break-away, and a sum in place of lag and delay, that the record
     does not determine."""
-    found = {}
+    determined = {}
     for name, reading in readings.items():
-        if name.startswith("breakaway") and not shown.determined(name):
+        if name.startswith("breakaway") and not support.determined(name):
             way = name.removeprefix("breakaway")
-            found[f"moving_friction{way}"] = readings[f"coulomb{way}"]
-        elif name == "time_constant" and not shown.determined(name):
-            found["lag_and_delay"] = _sum(reading, readings["delay"])
-        elif name != "delay" or shown.determined(name):
-            found[name] = reading
-    return found
+            determined[f"moving_friction{way}"] = readings[f"coulomb{way}"]
+        elif name == "time_constant" and not support.determined(name):
+            determined["lag_and_delay"] = _sum(reading, readings["delay"])
+        elif name != "delay" or support.determined(name):
+            determined[name] = reading
+    return determined
 
 
-def _evidence_of(name: str, shown: Evidence) -> ValueEvidence:
+def _evidence_of(name: str, support: Evidence) -> ValueEvidence:
     """Whether a reading is determined, and why."""
     if name.startswith("moving_friction"):
-        other = shown.why(name.replace("moving_friction", "breakaway"))
-        return ValueEvidence(True, f"break-away is not determined: {other}")
+        breakaway_reason = support.why(name.replace("moving_friction", "breakaway"))
+        return ValueEvidence(True, f"break-away is not determined: {breakaway_reason}")
     if name == "lag_and_delay":
-        return ValueEvidence(True, shown.why("delay"))
-    return ValueEvidence(shown.determined(name), shown.why(name))
+        return ValueEvidence(True, support.why("delay"))
+    return ValueEvidence(support.determined(name), support.why(name))
 
 
 def _check_precision(
@@ -254,10 +254,12 @@ def _check_precision(
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
     if not std > _LARGEST_DEVIATION * least:
         return row
-    why = f"its standard uncertainty is {100.0 * std / max(least, 1e-300):.0f} % of {'the friction' if volts else 'it'}"
-    apart = ", since halves of the record give other values" if spread.apart(read) >= std else ""
-    why = f"{why}{apart}: the model misses part of what the joint does (qpal design FILE)"
-    return ValueEvidence(False, f"{why}; {row.why}" if row.why else why, row.counts)
+    reason = (
+        f"its standard uncertainty is {100.0 * std / max(least, 1e-300):.0f} % of {'the friction' if volts else 'it'}"
+    )
+    disagreement = ", since halves of the record give other values" if spread.apart(read) >= std else ""
+    reason = f"{reason}{disagreement}: the model misses part of what the joint does (qpal design FILE)"
+    return ValueEvidence(False, f"{reason}; {row.why}" if row.why else reason, row.counts)
 
 
 def _sum(a: Reading, b: Reading) -> Reading:

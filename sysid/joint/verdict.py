@@ -88,54 +88,58 @@ def verdict(growth: Growth, data: IOData) -> Verdict:
     record better: neither by BIC over the whole record, unless the joint is clearly better in free run over parts that
     neither was fitted to, nor on these parts.
     """
-    found = _judge(growth, data)
-    friction = found.friction * float(np.std(data.u))
-    stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _is_servo(growth.fit)
-    loses = 100.0 - found.unseen > _LOSES * (100.0 - found.seen)
-    return replace(found, undetermined=not found.joint and found.seen >= _FOLLOWS and (stuck or loses))
+    judgement = _judge(growth, data)
+    friction = judgement.friction * float(np.std(data.u))
+    is_stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _is_servo(growth.fit)
+    loses = 100.0 - judgement.unseen > _LOSES * (100.0 - judgement.seen)
+    return replace(judgement, undetermined=not judgement.joint and judgement.seen >= _FOLLOWS and (is_stuck or loses))
 
 
 def _judge(growth: Growth, data: IOData) -> Verdict:
     fit = growth.fit
     y = data.y[data.observed[:, 0], 0]
-    seen = _percent(float(np.sqrt(fit.criteria.mse)), y)
+    seen_percent = _percent(float(np.sqrt(fit.criteria.mse)), y)
     friction = _friction(fit, data)
     spring = _spring(fit, data)
-    found = Verdict(True, "", seen, growth.unseen_percent, friction, spring)
-    if not seen >= LEAST:
+    judgement = Verdict(True, "", seen_percent, growth.unseen_percent, friction, spring)
+    if not seen_percent >= LEAST:
         return replace(
-            found, joint=False, reason=f"no joint explains it (fit of the free run {max(seen, 0.0):.0f} % where fitted)"
+            judgement,
+            joint=False,
+            reason=f"no joint explains it (fit of the free run {max(seen_percent, 0.0):.0f} % where fitted)",
         )
     if friction < DRY and not any(test.met for test in stop_tests(fit, data).values()):  # no filter strikes a stop
         return replace(
-            found,
+            judgement,
             joint=False,
             reason=f"the motor that fits it has no dry friction ({100 * friction:.1f} % of the input), as a filter",
         )
-    centred = replace(data, u=data.u - data.u.mean(axis=0), y=data.y - y.mean())
-    pair = holdout_folds(centred)
+    centred_data = replace(data, u=data.u - data.u.mean(axis=0), y=data.y - y.mean())
+    pair = holdout_folds(centred_data)
     for name, chain in GENERAL.items():
-        other = _fit_general(chain, centred)
-        if other is None:
+        general_fit = _fit_general(chain, centred_data)
+        if general_fit is None:
             continue
-        run = holdout_errors(other.model, other.theta, pair).percent if pair else float("nan")
-        shown = _percent(float(np.sqrt(other.criteria.mse)), y)
-        told = replace(found, general=name, general_seen=shown, general_unseen=run)
-        better = 100.0 - found.unseen < _BETTER_UNSEEN * (100.0 - run)
-        if other.criteria.bic < fit.criteria.bic + MARGIN and not better:
-            why = f"{name} explains it as well (fit {shown:.1f} %, the joint {seen:.1f} %)"
-            return replace(told, joint=False, reason=why)
-        if 100.0 - found.unseen > _SAME * (100.0 - run) and 100.0 - seen > _CLEARLY_BETTER * (100.0 - shown):
-            why = f"{name} is better where it was not fitted ({run:.1f} %, the joint {found.unseen:.1f} %)"
-            return replace(told, joint=False, reason=why)
-        found = told if found.general is None or run > found.general_unseen else found
+        run = holdout_errors(general_fit.model, general_fit.theta, pair).percent if pair else float("nan")
+        general_percent = _percent(float(np.sqrt(general_fit.criteria.mse)), y)
+        beside_general = replace(judgement, general=name, general_seen=general_percent, general_unseen=run)
+        better = 100.0 - judgement.unseen < _BETTER_UNSEEN * (100.0 - run)
+        if general_fit.criteria.bic < fit.criteria.bic + MARGIN and not better:
+            reason = f"{name} explains it as well (fit {general_percent:.1f} %, the joint {seen_percent:.1f} %)"
+            return replace(beside_general, joint=False, reason=reason)
+        if 100.0 - judgement.unseen > _SAME * (100.0 - run) and 100.0 - seen_percent > _CLEARLY_BETTER * (
+            100.0 - general_percent
+        ):
+            reason = f"{name} is better where it was not fitted ({run:.1f} %, the joint {judgement.unseen:.1f} %)"
+            return replace(beside_general, joint=False, reason=reason)
+        judgement = beside_general if judgement.general is None or run > judgement.general_unseen else judgement
     if spring > SPRING and friction < HELD * spring:
         return replace(
-            found,
+            judgement,
             joint=False,
             reason=f"the output returns by itself (the load takes {100 * spring:.0f} % of the input), as a filter's",
         )
-    return found
+    return judgement
 
 
 def _spring(fit: Fit, data: IOData) -> float:
@@ -154,12 +158,12 @@ def _loads(fit: Fit, data: IOData) -> np.ndarray:
     """The load [V] (49,) at the positions of most samples, in order of position."""
     chain, motor = fit.model, motor_of(fit.model)
     with np.errstate(all="ignore"):
-        shown = chain.signals(resting_theta(chain, fit.theta), data.experiments[0].u)[
+        positions = chain.signals(resting_theta(chain, fit.theta), data.experiments[0].u)[
             1 + chain.blocks.index(motor)
         ].ravel()
-        away = np.quantile(shown, np.linspace(0.02, 0.98, 49)) - motor.at
+        offsets = np.quantile(positions, np.linspace(0.02, 0.98, 49)) - motor.at
         part = chain.part(fit.theta, motor)
-        load = np.sum([motor.value(part, f"load{k}") * away**k for k in range(3)], axis=0)
+        load = np.sum([motor.value(part, f"load{k}") * offsets**k for k in range(3)], axis=0)
     return np.nan_to_num(load, posinf=0.0, neginf=0.0)
 
 
@@ -185,7 +189,7 @@ def _friction(fit: Fit, data: IOData) -> float:
     rise, fall, stick, loss = (motor.value(part, name) for name in ("rise", "fall", "stick", "loss"))
     if motor.sided:
         stick = 0.5 * (stick + motor.value(part, "stick_down"))
-    lost = loss * float(np.mean(np.abs(_loads(fit, data))))
+    load_friction = loss * float(np.mean(np.abs(_loads(fit, data))))
     # A servo's input is a goal, and its drive goes up to a limit of which it uses, on the mean, a good part.
     drive = 0.5 * motor.value(part, "limit") if isinstance(motor, ServoMotor) else float(np.std(data.u))
-    return (0.5 * (rise + fall) + stick + lost) / max(drive, 1e-300)
+    return (0.5 * (rise + fall) + stick + load_friction) / max(drive, 1e-300)

@@ -164,18 +164,18 @@ def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
     if isinstance(fit, Fit):
         _check_linear(fit)
     u0, y0 = (0.0 if o is None else float(o[0]) for o in (fit.u_offset, fit.y_offset))
-    own = 0.5 * sum(fit.u_span) if u is None else u - u0
+    level = 0.5 * sum(fit.u_span) if u is None else u - u0
     integrates = _integrates(fit)
     if isinstance(fit, NlarxFit):
-        G, y = tangent(fit, own), nlarx_linearize.findop(fit, own).y
+        G, y = tangent(fit, level), nlarx_linearize.findop(fit, level).y
     elif any(isinstance(b, StateSpace) for b in fit.model.blocks):
-        G, y = tangent(fit, own), float(np.ravel(fit.simulate(np.full(5000, own)))[-1])
+        G, y = tangent(fit, level), float(np.ravel(fit.simulate(np.full(5000, level)))[-1])
     else:
         G, y = (
-            tangent(fit, own, 0.0 if integrates else None),
-            findop(fit, own, 0.0 if integrates else None).y,
+            tangent(fit, level, 0.0 if integrates else None),
+            findop(fit, level, 0.0 if integrates else None).y,
         )
-    return Tangent(np.array(G.num[0][0]), np.array(G.den[0][0]), fit.Ts, own + u0, y + y0, integrates)
+    return Tangent(np.array(G.num[0][0]), np.array(G.den[0][0]), fit.Ts, level + u0, y + y0, integrates)
 
 
 def _check_linear(fit: Fit) -> None:
@@ -194,22 +194,22 @@ def _integrates(fit: Fit | NlarxFit) -> bool:
     return not np.isfinite(block.gain(fit.theta[part]))
 
 
-def tangent_source(found: Tangent, structure: str) -> str:
+def tangent_source(model: Tangent, structure: str) -> str:
     """Text of a Python module that needs python-control: G, and the operating point U0, Y0."""
-    where = "no steady state: the model integrates" if found.integrates else "its steady state"
-    return f'''"""Linear model of {structure} about the input U0 and the output Y0 ({where}).
+    place = "no steady state: the model integrates" if model.integrates else "its steady state"
+    return f'''"""Linear model of {structure} about the input U0 and the output Y0 ({place}).
 
 G takes deviations of the input from U0 and gives deviations of the output from Y0.
 """
 
 import control
 
-TS = {number(found.Ts)}  # s
-U0 = {number(found.u)}
-Y0 = {number(found.y)}
+TS = {number(model.Ts)}  # s
+U0 = {number(model.u)}
+Y0 = {number(model.y)}
 G = control.TransferFunction(
-    [{", ".join(number(b) for b in found.B)}],
-    [{", ".join(number(f) for f in found.F)}],
+    [{", ".join(number(b) for b in model.B)}],
+    [{", ".join(number(f) for f in model.F)}],
     TS,
 )
 

@@ -69,7 +69,7 @@ def modes(fit: Fit, data: IOData | None = None) -> Modes:
     white ones. Raises InputError for a record that is not that of the fit.
     """
     deviation = deviation_of(fit, data)
-    found = []
+    results = []
     for F, gradient in _denominators(fit):
         slope = np.polyder(F)
         for z in np.roots(F).astype(complex):
@@ -77,8 +77,8 @@ def modes(fit: Fit, data: IOData | None = None) -> Modes:
             multiple = abs(d) < _MULTIPLE * max(1.0, float(np.abs(F).max()))
             dz = None if multiple else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
             with np.errstate(all="ignore"):  # of a pole near 0 no deviation is known
-                found.append(_mode(z, dz, fit.Ts, deviation))
-    return Modes(found)
+                results.append(_mode(z, dz, fit.Ts, deviation))
+    return Modes(results)
 
 
 @checked
@@ -102,21 +102,21 @@ def deviation_of(fit: Fit, data: IOData | None = None) -> Deviation:
     if data is not None:
         info = information(fit, data, lags="tested")
         return lambda g: float(info.std_of(g)[0])
-    lost = fit.covariance.unidentifiable
-    return lambda g: float("nan") if np.any(lost & (np.abs(g) > 0.0)) else fit.covariance.deviation(g)
+    is_undetermined = fit.covariance.unidentifiable
+    return lambda g: float("nan") if np.any(is_undetermined & (np.abs(g) > 0.0)) else fit.covariance.deviation(g)
 
 
 def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
     """F (n + 1,) of every linear block with its gradient (n + 1, P)."""
     if fit._around_centre is not None:
         return [(fit._around_centre.F, fit._around_centre.F_gradient)]
-    found = []
+    denominators = []
     for part, b in fit.model.dynamics:
-        own = slice(part.start + b.nb, part.start + b.nb + b.nf)
+        columns = slice(part.start + b.nb, part.start + b.nb + b.nf)
         gradient = np.zeros((b.nf + 1, len(fit.theta)))
-        gradient[1:, own] = np.eye(b.nf)
-        found.append((np.concatenate([[1.0], fit.theta[own]]), gradient))
-    return found
+        gradient[1:, columns] = np.eye(b.nf)
+        denominators.append((np.concatenate([[1.0], fit.theta[columns]]), gradient))
+    return denominators
 
 
 def _mode(z: complex, dz: np.ndarray | None, Ts: float, deviation: Deviation) -> Mode:

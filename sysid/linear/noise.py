@@ -68,16 +68,16 @@ def noise_model(fit: Fit, data: IOData) -> Noise:
     e = np.ravel(fit.residuals(data))
     if not np.all(np.isfinite(e)):
         raise InputError(f"no residuals: {fit.divergence(data)}")
-    skipped = (data.N - len(e)) // len(data.lengths)
-    lengths = [n - skipped for n in data.lengths]
+    skip = (data.N - len(e)) // len(data.lengths)
+    lengths = [n - skip for n in data.lengths]
     V = np.zeros((len(e), 0))
     if data is fit.record and len(lengths) == 1 and fit.model.channels == (1, 1):
-        J = fit.model.tangent(fit.theta, data.u[:, 0])[1][skipped:, fit.model.free]
+        J = fit.model.tangent(fit.theta, data.u[:, 0])[1][skip:, fit.model.free]
         V = _span(J)
-    found = autoregression(e, V, lengths)
+    model = autoregression(e, V, lengths)
     tests = residual_tests(e, np.zeros(len(e)), min(_LAGS, (len(e) - 1) // 2), _LEVEL)
     white = chance(tests.autocorrelation[1:], tests.whiteness_bound, _LEVEL)
-    return Noise(found.A, found.variance, float(np.mean(e**2)), bool(white), fit.Ts, data.y_unit)
+    return Noise(model.A, model.variance, float(np.mean(e**2)), bool(white), fit.Ts, data.y_unit)
 
 
 def _span(J: np.ndarray) -> np.ndarray:
@@ -87,5 +87,5 @@ def _span(J: np.ndarray) -> np.ndarray:
     if not J.shape[1]:
         return J
     U, s, _ = np.linalg.svd(J, full_matrices=False)
-    kept: np.ndarray = U[:, s > 1e-7 * s[0]]
-    return kept
+    directions: np.ndarray = U[:, s > 1e-7 * s[0]]
+    return directions

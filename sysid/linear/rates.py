@@ -117,19 +117,21 @@ def _unheld(
                 f"the tangent has a pole at z = {z.real:.4g}; a pole left of 0 has no form of the same order in "
                 'continuous time: take method="tustin", or a smaller nf'
             )
-    whole = logm(np.block([[A, b], [np.zeros((1, n)), np.ones((1, 1))]])) / Ts
-    found = np.real(whole)
-    if not np.all(np.isfinite(found)) or np.abs(np.imag(whole)).max() > 1e-6 * max(np.abs(found).max(), 1e-300):
+    logarithm = logm(np.block([[A, b], [np.zeros((1, n)), np.ones((1, 1))]])) / Ts
+    generator = np.real(logarithm)
+    if not np.all(np.isfinite(generator)) or np.abs(np.imag(logarithm)).max() > 1e-6 * max(
+        np.abs(generator).max(), 1e-300
+    ):
         raise InputError('the tangent has no real form in continuous time; take method="tustin"')
-    return found[:n, :n], found[:n, n:], c, d
+    return generator[:n, :n], generator[:n, n:], c, d
 
 
 def _held(
     A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float, Ts: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     n = len(A)
-    whole = expm(np.block([[A, b], [np.zeros((1, n + 1))]]) * Ts)
-    return whole[:n, :n], whole[:n, n:], c, d
+    exponential = expm(np.block([[A, b], [np.zeros((1, n + 1))]]) * Ts)
+    return exponential[:n, :n], exponential[:n, n:], c, d
 
 
 def _bilinear(
@@ -149,8 +151,8 @@ def _rational(A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float) -> tuple[np
     """Numerator and denominator: c adj(x - A) b + d det(x - A), by the matrix determinant lemma."""
     if not len(A):
         return np.array([d]), np.ones(1)
-    den, moved = np.real(np.poly(A)), np.real(np.poly(A - b @ c))
-    num = moved - den
-    num[np.abs(num) < 1e-12 * (np.abs(moved) + np.abs(den))] = 0.0  # what rounding leaves
+    den, closed_loop = np.real(np.poly(A)), np.real(np.poly(A - b @ c))
+    num = closed_loop - den
+    num[np.abs(num) < 1e-12 * (np.abs(closed_loop) + np.abs(den))] = 0.0  # what rounding leaves
     num = num + d * den
     return np.trim_zeros(num, "f") if np.any(num) else np.zeros(1), den

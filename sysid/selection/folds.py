@@ -35,8 +35,8 @@ class Fold:
     @property
     def judged(self) -> np.ndarray:
         """True (N,) for the unseen samples that count."""
-        known = self._after & self.known
-        return known if known.sum() >= _LEAST * self._after.sum() else self._after
+        scored = self._after & self.known
+        return scored if scored.sum() >= _LEAST * self._after.sum() else self._after
 
     @property
     def lost(self) -> float:
@@ -45,17 +45,17 @@ class Fold:
 
     @property
     def _after(self) -> np.ndarray:
-        after = np.concatenate([np.arange(n) >= self.skip for n in self.unseen.lengths])
-        return after & self.unseen.observed[:, 0]
+        after_skip = np.concatenate([np.arange(n) >= self.skip for n in self.unseen.lengths])
+        return after_skip & self.unseen.observed[:, 0]
 
     @cached_property
     def known(self) -> np.ndarray:
         """True (N,) up to the sample of each unseen experiment whose output leaves the range of the part to fit."""
         y = self.estimation.y[self.estimation.observed[:, 0], 0]
         margin = _MARGIN * float(np.ptp(y))
-        left = (self.unseen.y[:, 0] < y.min() - margin) | (self.unseen.y[:, 0] > y.max() + margin)
+        is_outside = (self.unseen.y[:, 0] < y.min() - margin) | (self.unseen.y[:, 0] > y.max() + margin)
         ends = np.cumsum(self.unseen.lengths)[:-1]
-        return np.concatenate([np.cumsum(part) == 0 for part in np.split(left, ends)])
+        return np.concatenate([np.cumsum(part) == 0 for part in np.split(is_outside, ends)])
 
     def shortened(self, samples: int) -> "Fold":
         """The same with the first part of every experiment only, about `samples` to fit and `samples` to judge."""
@@ -76,12 +76,12 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
         lengths = [stop - start for start, stop in cuts]
         if len(cuts) < 2 or (len(cuts) > 2 and min(lengths) < _SHORTEST and len(cuts) > len(data.lengths)):
             continue
-        met = np.array([np.bincount(np.concatenate(marks[start:stop]), minlength=_SIZE) for start, stop in cuts])
-        chosen = _halves(lengths)
-        missed = [_missed(met, part) + _PRICE * _pieces(part, cuts, data) for part in chosen]
-        for k in np.argsort(missed, kind="stable")[:_CLOSE]:
-            pair = _pair(_merged(data, cuts, chosen[k]), _merged(data, cuts, ~chosen[k]))
-            cost = missed[k] + float(np.mean([fold.lost for fold in pair]))
+        counts = np.array([np.bincount(np.concatenate(marks[start:stop]), minlength=_SIZE) for start, stop in cuts])
+        choices = _halves(lengths)
+        costs = [_missed(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
+        for k in np.argsort(costs, kind="stable")[:_CLOSE]:
+            pair = _pair(_merged(data, cuts, choices[k]), _merged(data, cuts, ~choices[k]))
+            cost = costs[k] + float(np.mean([fold.lost for fold in pair]))
             if best is None or cost < best[0] - 1e-12:
                 best = cost, pair
     if best is None:
@@ -106,11 +106,11 @@ def _marks(data: IOData) -> np.ndarray:
     return np.column_stack([fine[0], _BINS + fine[1], 2 * _BINS + _CELLS * rough[0] + rough[1]])
 
 
-def _missed(met: np.ndarray, part: np.ndarray) -> float:
+def _missed(counts: np.ndarray, part: np.ndarray) -> float:
     """The share of what either part shows and the other hardly does, for the samples met (blocks, bins)."""
-    one, other = met[part].sum(axis=0), met[~part].sum(axis=0)
-    total = one + other
-    scarce = np.minimum(one, other) < 0.1 * total
+    first_counts, second_counts = counts[part].sum(axis=0), counts[~part].sum(axis=0)
+    total = first_counts + second_counts
+    scarce = np.minimum(first_counts, second_counts) < 0.1 * total
     # By bins as well as by samples: an end that is met once is an end.
     groups = (slice(0, _BINS), slice(_BINS, 2 * _BINS), slice(2 * _BINS, _SIZE))
     shares = []
@@ -122,18 +122,18 @@ def _missed(met: np.ndarray, part: np.ndarray) -> float:
 
 def _cuts(data: IOData, count: int) -> list[tuple[int, int]]:
     """Blocks of nearly equal length, at least one for each experiment."""
-    found, begin = [], 0
+    blocks, begin = [], 0
     for n in data.lengths:
-        own = max(1, round(count * n / data.N))
-        edges = [begin + round(k * n / own) for k in range(own + 1)]
-        found += [(a, b) for a, b in itertools.pairwise(edges) if b - a >= 2]
+        block_count = max(1, round(count * n / data.N))
+        edges = [begin + round(k * n / block_count) for k in range(block_count + 1)]
+        blocks += [(a, b) for a, b in itertools.pairwise(edges) if b - a >= 2]
         begin += n
-    return found
+    return blocks
 
 
 def _halves(lengths: list[int]) -> list[np.ndarray]:
     """Every choice of blocks, as masks (blocks,), that leaves enough samples on both sides; the first block is in."""
-    found = []
+    masks = []
     total = sum(lengths)
     if len(lengths) > max(COUNTS):  # many experiments: every other one
         return [np.arange(len(lengths)) % 2 == 0]
@@ -141,8 +141,8 @@ def _halves(lengths: list[int]) -> list[np.ndarray]:
         part = np.array([True, *choice])
         share = float(np.sum(np.array(lengths)[part])) / total
         if _BALANCE <= share <= 1.0 - _BALANCE:
-            found.append(part)
-    return found
+            masks.append(part)
+    return masks
 
 
 def _pieces(part: np.ndarray, cuts: list[tuple[int, int]], data: IOData) -> int:
@@ -152,15 +152,15 @@ def _pieces(part: np.ndarray, cuts: list[tuple[int, int]], data: IOData) -> int:
 def _joined(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> list[tuple[int, int]]:
     """The chosen blocks; neighbours of one experiment become one piece."""
     ends = set(np.cumsum(data.lengths).tolist())
-    found: list[tuple[int, int]] = []
-    for (start, stop), wanted in zip(cuts, part, strict=True):
-        if not wanted:
+    pieces: list[tuple[int, int]] = []
+    for (start, stop), is_chosen in zip(cuts, part, strict=True):
+        if not is_chosen:
             continue
-        if found and found[-1][1] == start and start not in ends:
-            found[-1] = found[-1][0], stop
+        if pieces and pieces[-1][1] == start and start not in ends:
+            pieces[-1] = pieces[-1][0], stop
         else:
-            found.append((start, stop))
-    return found
+            pieces.append((start, stop))
+    return pieces
 
 
 def _merged(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> IOData:

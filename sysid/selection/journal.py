@@ -54,12 +54,12 @@ class Journal:
         """Whether there is more than a part of the first line, which a kill may leave."""
         try:
             with path.open("rb") as file:
-                found = file.read(1000)
+                beginning = file.read(1000)
         except FileNotFoundError:
             return False
         except OSError:
             return True  # which reading it tells
-        return not json.dumps(self._head()).encode().startswith(found)
+        return not json.dumps(self._head()).encode().startswith(beginning)
 
     def _head(self) -> dict[str, Any]:
         return {"journal": VERSIONS[-1], "of": self._of}
@@ -76,8 +76,8 @@ class Journal:
 
     def _read(self, lines: Lines) -> None:
         try:
-            found = lines.read()
-            first = json.loads(found[0])
+            lines_read = lines.read()
+            first = json.loads(lines_read[0])
         except (OSError, ValueError, IndexError, RecursionError):
             raise InputError(f"{lines.path} is not a journal of a search; give a path that does not exist") from None
         if first not in [{"journal": version, "of": self._of} for version in VERSIONS]:
@@ -86,22 +86,22 @@ class Journal:
                 "give another path or remove it"
             )
         sums: dict[str, str] = {}
-        twice: set[str] = set()
+        double: set[str] = set()
         bad = {DAMAGED: 0, UNSEALED: 0}
-        for line in found[1:]:
-            if line == found[0]:  # the head of a copy that was joined to it
+        for line in lines_read[1:]:
+            if line == lines_read[0]:  # the head of a copy that was joined to it
                 continue
             row, trouble = unseal(line, self._of)
             if trouble:
                 bad[trouble] += 1
                 continue
-            name, own = row["key"], json.loads(line)[CHECK]
-            if sums.setdefault(name, own) != own:
-                twice.add(name)
+            name, check_sum = row["key"], json.loads(line)[CHECK]
+            if sums.setdefault(name, check_sum) != check_sum:
+                double.add(name)
             self._known[name] = row["values"]
-        for name in twice:
+        for name in double:
             del self._known[name]
-        self.notes = tuple(_told(lines.path, bad[DAMAGED], bad[UNSEALED], len(twice)))
+        self.notes = tuple(_told(lines.path, bad[DAMAGED], bad[UNSEALED], len(double)))
         if self.notes:
             self._rewrite(lines)
 
@@ -130,19 +130,23 @@ def writing(path: str | Path | None, data: IOData, settings: Any) -> Iterator[Jo
         yield Journal(path, data, settings)
 
 
-def _told(path: Path, damaged: int, unsealed: int, twice: int) -> list[str]:
-    said = []
+def _told(path: Path, damaged: int, unsealed: int, double: int) -> list[str]:
+    sentences = []
     if damaged:
-        rows, them = ("row", "its candidate is") if damaged == 1 else ("rows", "their candidates are")
-        said.append(f"{damaged} {rows} of the journal {path} changed since the search wrote them; {them} run again")
+        rows, subject = ("row", "its candidate is") if damaged == 1 else ("rows", "their candidates are")
+        sentences.append(
+            f"{damaged} {rows} of the journal {path} changed since the search wrote them; {subject} run again"
+        )
     if unsealed:
-        rows, them = ("row", "its candidate is") if unsealed == 1 else ("rows", "their candidates are")
+        rows, subject = ("row", "its candidate is") if unsealed == 1 else ("rows", "their candidates are")
         have = "has" if unsealed == 1 else "have"
-        said.append(f"{unsealed} {rows} of the journal {path} {have} no check sum (an older version); {them} run again")
-    if twice:
-        them = "a candidate, which is" if twice == 1 else f"{twice} candidates, which are"
-        said.append(f"the journal {path} has two different results of {them} run again")
-    return said
+        sentences.append(
+            f"{unsealed} {rows} of the journal {path} {have} no check sum (an older version); {subject} run again"
+        )
+    if double:
+        subject = "a candidate, which is" if double == 1 else f"{double} candidates, which are"
+        sentences.append(f"the journal {path} has two different results of {subject} run again")
+    return sentences
 
 
 def _name(number: int, key: dict[str, Any]) -> str:

@@ -58,17 +58,17 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     if starts == 1 and isinstance(model, Chain):  # a look: the first own start, without the portfolio's screening
         point = np.array(make_starts(model, data, 1, seed))
         return fit_chain(model, data, search=method, seed=seed, options=options, start=point)
-    found = fit_model(model, data, search=method, starts=starts, seed=seed, options=options)
+    fit = fit_model(model, data, search=method, starts=starts, seed=seed, options=options)
     if c.least_starts == 1 or len(data.lengths) == 1 or not isinstance(model, Chain):
-        return found
+        return fit
     # Several experiments, with an initial state each, have more local optima than the longest of them alone.
     longest = max(data.experiments, key=lambda e: e.N)
     try:
-        alone = fit_chain(model, longest, search=method, starts=starts, seed=seed, options=options)
-        again = fit_chain(model, data, search=method, start=alone.theta, options=options)
+        single_fit = fit_chain(model, longest, search=method, starts=starts, seed=seed, options=options)
+        refit = fit_chain(model, data, search=method, start=single_fit.theta, options=options)
     except InputError:
-        return found
-    return again if again.criteria.loss < found.criteria.loss else found
+        return fit
+    return refit if refit.criteria.loss < fit.criteria.loss else fit
 
 
 def _compile(model: Any) -> None:
@@ -88,36 +88,36 @@ def _fits(job: Job, deadline: float) -> list[AnyFit]:
     above the least one ended in a poor optimum and gets more starts.
     """
     c, data = job.candidate, [job.candidate.scale(fold.estimation) for fold in job.folds]
-    begun = time.monotonic()
-    found = [fitted(c, part, job.search, job.seed, job.effort, deadline) for part in data]
+    start_time = time.monotonic()
+    fits = [fitted(c, part, job.search, job.seed, job.effort, deadline) for part in data]
     if job.effort.starts < 2:
-        return found
-    for more in _MORE:
+        return fits
+    for factor in _MORE:
         for k, part in enumerate(data):
-            least = min(fit.criteria.mse for fit in found)
-            if found[k].criteria.mse <= _APART**2 * least or time.monotonic() > begun + job.effort.seconds:
+            least = min(fit.criteria.mse for fit in fits)
+            if fits[k].criteria.mse <= _APART**2 * least or time.monotonic() > start_time + job.effort.seconds:
                 continue
-            effort = replace(job.effort, starts=more * job.effort.starts)
-            again = fitted(c, part, job.search, job.seed + more, effort, deadline)
-            if again.criteria.loss < found[k].criteria.loss:
-                found[k] = again
-    return found
+            effort = replace(job.effort, starts=factor * job.effort.starts)
+            refit = fitted(c, part, job.search, job.seed + factor, effort, deadline)
+            if refit.criteria.loss < fits[k].criteria.loss:
+                fits[k] = refit
+    return fits
 
 
 def judge(job: Job) -> Row | None:
     """Free-run errors of one candidate on the unseen part of every fold; None after the deadline."""
-    left = job.deadline - time.time()
-    if left < 0:
+    remaining = job.deadline - time.time()
+    if remaining < 0:
         return None
-    deadline = time.monotonic() + left
+    deadline = time.monotonic() + remaining
     c, parts, spread, thetas = job.candidate, [], 0.0, []
-    failed = Row(c, -np.inf, 0, job.number, np.full(BLOCKS, np.inf), False, whole=job.whole)
+    failed_row = Row(c, -np.inf, 0, job.number, np.full(BLOCKS, np.inf), False, whole=job.whole)
     d, converged, count = 0, True, 0
     try:
         fits = _fits(job, deadline)
         runs = [np.ravel(fit.simulate(c.scale(f.unseen), f.skip)) for fit, f in zip(fits, job.folds, strict=True)]
     except InputError as error:  # too short for these orders, no valid start: not a usable structure here
-        return replace(failed, why=str(error))
+        return replace(failed_row, why=str(error))
     for fit, run, fold in zip(fits, runs, job.folds, strict=True):
         estimation, unseen = c.scale(fold.estimation), c.scale(fold.unseen)
         keep = fold.judged
@@ -132,14 +132,16 @@ def judge(job: Job) -> Row | None:
     errors = np.where(np.isfinite(errors), errors, np.inf)
     mean = float(errors.mean())
     percent = 100.0 * (1.0 - np.sqrt(mean * count / spread)) if np.isfinite(mean) and spread > 0 else -np.inf
-    why = "" if np.isfinite(percent) else "its free run on unseen data diverges"
-    return replace(failed, fit_percent=percent, d=d, errors=errors, converged=converged, why=why, thetas=tuple(thetas))
+    reason = "" if np.isfinite(percent) else "its free run on unseen data diverges"
+    return replace(
+        failed_row, fit_percent=percent, d=d, errors=errors, converged=converged, why=reason, thetas=tuple(thetas)
+    )
 
 
 def _size(fit: AnyFit, data: IOData) -> int:
     """Parameters of a fit to one experiment: blocks of a record add initial states that its model does not have."""
-    own = int((fit.model.free & fit.model.initial).sum()) if isinstance(fit, Fit) else 0
-    return fit.criteria.d - own * (len(data.lengths) - 1)
+    initial_count = int((fit.model.free & fit.model.initial).sum()) if isinstance(fit, Fit) else 0
+    return fit.criteria.d - initial_count * (len(data.lengths) - 1)
 
 
 def unchanged(row: Row) -> dict[str, Any]:
@@ -155,8 +157,8 @@ def unchanged(row: Row) -> dict[str, Any]:
     }
 
 
-def from_journal(c: Recipe, number: int, known: dict[str, Any]) -> Row:
+def from_journal(c: Recipe, number: int, entry: dict[str, Any]) -> Row:
     """The row that `unchanged` wrote."""
-    thetas = tuple(np.array(theta) for theta in known["thetas"])
-    values = known["fit"], known["d"], number, np.array(known["errors"]), known["converged"]
-    return Row(c, *values, whole=known["whole"], why=known["why"], thetas=thetas)
+    thetas = tuple(np.array(theta) for theta in entry["thetas"])
+    values = entry["fit"], entry["d"], number, np.array(entry["errors"]), entry["converged"]
+    return Row(c, *values, whole=entry["whole"], why=entry["why"], thetas=thetas)

@@ -74,25 +74,27 @@ def select(
         raise InputError(f"seconds is {seconds}; give a positive number")
     with writing(journal, data, (vars(space), search, seed)) as book:
         work = _Work(folds(data), search, seed, jobs, scheduler, book, progress, time.time(), seconds)
-        judged = _judge_rounds(space, data, work)
-        rows, chosen = ranked(judged)
+        rows_by_candidate = _judge_rounds(space, data, work)
+        rows, chosen_row = ranked(rows_by_candidate)
         if not np.isfinite(rows[0].fit_percent):
             raise InputError(_none_valid(rows))
-        left = max(work.begun + seconds - time.time(), 0.1 * seconds)
-        chosen, fit, notes = final_fit(rows, chosen, data, search, seed, Effort(space.starts, 200, left))
-        fit.remember(chosen.candidate.scale(data))
+        remaining = max(work.begun + seconds - time.time(), 0.1 * seconds)
+        chosen_row, fit, notes = final_fit(rows, chosen_row, data, search, seed, Effort(space.starts, 200, remaining))
+        fit.remember(chosen_row.candidate.scale(data))
         rows += work.untried(space.kinds, {r.candidate.name for r in rows})
         notes = (*book.notes, *work.notes(), *notes)
         path = None if journal is None else Path(journal)
-        return Selection(tuple(rows), chosen, fit, notes, time.time() - work.begun, seconds, len(work.left_out), path)
+        return Selection(
+            tuple(rows), chosen_row, fit, notes, time.time() - work.begun, seconds, len(work.left_out), path
+        )
 
 
 def _judge_rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row]:
     """Every candidate with its last row."""
-    judged: dict[Recipe, Row] = {}
+    rows_by_candidate: dict[Recipe, Row] = {}
 
     def take(rows: Sequence[Row]) -> None:
-        judged.update({r.candidate: r for r in rows})
+        rows_by_candidate.update({r.candidate: r for r in rows})
 
     cheap = Effort(1, 50, _SCREENED_FIT_SHARE * work.seconds)
     full = Effort(space.starts, 200, _FIT_SHARE * work.seconds)
@@ -101,44 +103,45 @@ def _judge_rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row
     tasters = space.tasters(data)
     take(work.judge(1, tasters, cheap, _SCREENING, short=True))
     take(work.judge(1, [c for c in (*first, *space.ladders(data)) if c not in tasters], cheap, _SCREENING, short=True))
-    if not judged:
+    if not rows_by_candidate:
         raise InputError(
             f"the budget of {work.seconds:g} s was over before any structure was tried; give the search more seconds"
         )
-    linear = sorted((judged[c] for c in grid if c in judged), key=_by_fit)
+    linear = sorted((rows_by_candidate[c] for c in grid if c in rows_by_candidate), key=_by_fit)
     orders = [{name: r.candidate.orders[name] for name in ORDERS} for r in linear if np.isfinite(r.fit_percent)]
     brief = Effort(1, 30, cheap.seconds)
-    mapped = work.judge(2, space.around(orders[:1]), brief, _SCREENING, short=True)
-    few = sorted(mapped, key=_by_fit)[: -(-len(mapped) // 3)]
-    more = [replace(r.candidate, **o) for o in orders[1 : space.kept_orders] for r in few]
-    take([*mapped, *work.judge(2, more, brief, _SCREENING, short=True)])
-    take(work.judge(3, _leaders(judged), full, _LEADING))
-    decided = {c for c, r in judged.items() if r.round >= 3}
+    map_rows = work.judge(2, space.around(orders[:1]), brief, _SCREENING, short=True)
+    best_third = sorted(map_rows, key=_by_fit)[: -(-len(map_rows) // 3)]
+    further_candidates = [replace(r.candidate, **o) for o in orders[1 : space.kept_orders] for r in best_third]
+    take([*map_rows, *work.judge(2, further_candidates, brief, _SCREENING, short=True)])
+    take(work.judge(3, _leaders(rows_by_candidate), full, _LEADING))
+    full_effort = {c for c, r in rows_by_candidate.items() if r.round >= 3}
     best: Recipe | None = None
     smallest: Recipe | None = None
     for k in range(_CLIMBS):
-        rows, chosen = ranked(judged)
-        if chosen.candidate == smallest and any(r.equal for r in rows if r.candidate == best):
+        rows, chosen_row = ranked(rows_by_candidate)
+        if chosen_row.candidate == smallest and any(r.equal for r in rows if r.candidate == best):
             break  # the last round brought nothing that differs from what was there
-        best, smallest = rows[0].candidate, chosen.candidate
-        around = [r.candidate for r in _rows_in_reach(rows, chosen)]
-        new = [c for c in dict.fromkeys(n for c in around for n in space.beside(c)) if c not in decided]
-        new = [*_better_candidates(judged, decided), *new]
-        found = work.judge(4 + k, new, full, _CLIMBING)
-        decided |= {r.candidate for r in found}
-        take(found)
-        if not found:
+        best, smallest = rows[0].candidate, chosen_row.candidate
+        centres = [r.candidate for r in _rows_in_reach(rows, chosen_row)]
+        new = [c for c in dict.fromkeys(n for c in centres for n in space.beside(c)) if c not in full_effort]
+        new = [*_better_candidates(rows_by_candidate, full_effort), *new]
+        new_rows = work.judge(4 + k, new, full, _CLIMBING)
+        full_effort |= {r.candidate for r in new_rows}
+        take(new_rows)
+        if not new_rows:
             break
-    return judged
+    return rows_by_candidate
 
 
 def _none_valid(rows: Sequence[Row]) -> str:
     """Why no candidate can be used: what most of them say, and how many."""
-    why, times = Counter(row.why.partition(";")[0] for row in rows).most_common(1)[0]
-    of = f"all {len(rows)}" if times == len(rows) else f"{times} of {len(rows)}"
+    reason, times = Counter(row.why.partition(";")[0] for row in rows).most_common(1)[0]
+    share = f"all {len(rows)}" if times == len(rows) else f"{times} of {len(rows)}"
     return (
         "no structure of the space has a valid free run on this record, each half of which is fitted and judges the "
-        f"other; of {of} candidates: {why}; record longer, give the search more of the record (qpal identify --split "
+        f"other; of {share} candidates: {reason}; record longer, give the search more of the record (qpal identify "
+        "--split "
         "0.7), or widen the space"
     )
 
@@ -147,23 +150,25 @@ def _by_fit(row: Row) -> tuple[float, int]:
     return -row.fit_percent, row.d
 
 
-def _leaders(judged: dict[Recipe, Row]) -> list[Recipe]:
+def _leaders(rows_by_candidate: dict[Recipe, Row]) -> list[Recipe]:
     """The best of every structure, best first, then the best others."""
-    found: list[Recipe] = []
+    leaders: list[Recipe] = []
     names: set[str] = set()
-    rows = [r for r in sorted(judged.values(), key=_by_fit) if np.isfinite(r.fit_percent)]
+    rows = [r for r in sorted(rows_by_candidate.values(), key=_by_fit) if np.isfinite(r.fit_percent)]
     for r in rows:
         if r.candidate.name not in names:
             names.add(r.candidate.name)
-            found.append(r.candidate)
-    others = [r.candidate for r in rows if r.candidate not in found]
-    return found + others[: max(0, _LEADERS - len(found))]
+            leaders.append(r.candidate)
+    other_candidates = [r.candidate for r in rows if r.candidate not in leaders]
+    return leaders + other_candidates[: max(0, _LEADERS - len(leaders))]
 
 
-def _better_candidates(judged: dict[Recipe, Row], decided: set[Recipe]) -> list[Recipe]:
+def _better_candidates(rows_by_candidate: dict[Recipe, Row], full_effort: set[Recipe]) -> list[Recipe]:
     """Candidates that had little effort and are nevertheless better than the best of those that had all of it."""
-    best = max((judged[c].fit_percent for c in decided), default=-np.inf)
-    rows = sorted((r for c, r in judged.items() if c not in decided and r.fit_percent > best), key=_by_fit)
+    best = max((rows_by_candidate[c].fit_percent for c in full_effort), default=-np.inf)
+    rows = sorted(
+        (r for c, r in rows_by_candidate.items() if c not in full_effort and r.fit_percent > best), key=_by_fit
+    )
     return [r.candidate for r in rows[:_LEADERS]]
 
 
@@ -174,12 +179,12 @@ def _rows_in_reach(rows: list[Row], chosen: Row) -> list[Row]:
     if rows[0].fit_percent > _PERFECT:
         return [chosen]
     limit = 100.0 - _REACH * (100.0 - rows[0].fit_percent)
-    found, names = [chosen, rows[0]], {rows[0].candidate.name}
+    centres, names = [chosen, rows[0]], {rows[0].candidate.name}
     for r in rows:
         if r.whole and r.candidate.name not in names and r.fit_percent >= limit:
             names.add(r.candidate.name)
-            found.append(r)
-    return found
+            centres.append(r)
+    return centres
 
 
 @dataclass
@@ -204,11 +209,11 @@ class _Work:
         rows: dict[Recipe, Row] = {}
         todo = []
         for c in candidates:
-            known = self.book.find(number, settings(c))
-            if known is None:
+            entry = self.book.find(number, settings(c))
+            if entry is None:
                 todo.append(c)
             else:
-                rows[c] = from_journal(c, number, known)
+                rows[c] = from_journal(c, number, entry)
         deadline = self.begun + share * self.seconds
         jobs = [Job(c, parts, effort, self.search, self.seed, number, whole, deadline) for c in todo]
         # Results come as they finish, so that the journal holds them when the search is killed.
@@ -225,14 +230,14 @@ class _Work:
 
     def untried(self, kinds: Sequence[type[Recipe]], tried: set[str]) -> list[Row]:
         """A row for each structure that the budget left no time for, so that the table tells of every structure."""
-        found = []
+        rows = []
         for kind in kinds:
             if kind.name not in tried:
                 candidate = next((c for c in self.left_out if type(c) is kind), kind())
-                none = np.full(BLOCKS, np.inf)
-                why = f"not tried: the budget of {self.seconds:g} s was over; give the search more seconds"
-                found.append(Row(candidate, -np.inf, 0, 0, none, False, whole=False, why=why))
-        return found
+                no_errors = np.full(BLOCKS, np.inf)
+                reason = f"not tried: the budget of {self.seconds:g} s was over; give the search more seconds"
+                rows.append(Row(candidate, -np.inf, 0, 0, no_errors, False, whole=False, why=reason))
+        return rows
 
     def notes(self) -> tuple[str, ...]:
         """What the budget left out."""
@@ -249,17 +254,19 @@ def final_fit(
     whose fit is nevertheless far below its own score on unseen data gives way to the next one.
     """
     order = [chosen, *(r for r in rows if r is not chosen and r.whole and np.isfinite(r.fit_percent))]
-    found: list[tuple[float, Row, AnyFit]] = []
+    results: list[tuple[float, Row, AnyFit]] = []
     notes: list[str] = []
     for row in order[:_MOST_TRIED]:
-        own = row.candidate.scale(data)
+        scaled_data = row.candidate.scale(data)
         try:
-            fit = _best_fit(row, own, search, seed, replace(effort, seconds=effort.seconds / (1 + len(found))))
-            percent = _percent(fit, own)
+            fit = _best_fit(
+                row, scaled_data, search, seed, replace(effort, seconds=effort.seconds / (1 + len(results)))
+            )
+            percent = _percent(fit, scaled_data)
         except InputError as error:
             notes.append(f"{row.candidate} was passed over: {error}")
             continue
-        found.append((percent, row, fit))
+        results.append((percent, row, fit))
         # The parts are short free runs with initial states of their own, so some difference says nothing.
         if 100.0 - percent <= _FAR_OFF * (100.0 - row.fit_percent) or percent >= row.fit_percent - 1.0:
             break
@@ -267,9 +274,9 @@ def final_fit(
             f"{row.candidate} reaches {percent:.1f} % on all the data and {row.fit_percent:.1f} % on unseen parts: its "
             "search ended in a local optimum, and the next candidate was tried"
         )
-    if not found:
+    if not results:
         raise InputError(f"none of the best {_MOST_TRIED} candidates can be fitted to the whole record: {notes[-1]}")
-    _, row, fit = max(found, key=lambda each: each[0])
+    _, row, fit = max(results, key=lambda result: result[0])
     return row, fit, tuple(notes)
 
 
@@ -283,10 +290,10 @@ def _best_fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) ->
     options = Options(max_iterations=effort.iterations, max_seconds=(1.0 - _USUAL_SHARE) * effort.seconds)
     points = np.array([theta for theta in row.thetas if len(theta) == len(usual.theta)])
     try:
-        again = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
+        refit = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
     except InputError:
         return usual
-    return again if again.criteria.loss < usual.criteria.loss else usual
+    return refit if refit.criteria.loss < usual.criteria.loss else usual
 
 
 def _percent(fit: AnyFit, data: IOData) -> float:

@@ -65,26 +65,26 @@ class Space:
         """
         grid = self.grid()
         linear = next((c for c in grid if c.orders == OutputError().orders), grid[-1] if grid else None)
-        mapped = [] if linear is None else self.around([linear.orders])
-        found: list[Recipe] = []
+        map_candidates = [] if linear is None else self.around([linear.orders])
+        candidates: list[Recipe] = []
         for kind in self.kinds:
             if kind is OutputError:
-                found += [linear] if linear is not None else []
+                candidates += [linear] if linear is not None else []
             elif _around_orders(kind):
-                found += [c for c in mapped if type(c) is kind][-1:]
+                candidates += [c for c in map_candidates if type(c) is kind][-1:]
             else:
                 ladder = kind.ladder(kind().scale(data))
-                found.append(kind() if kind() in ladder else ladder[0])
-        return found
+                candidates.append(kind() if kind() in ladder else ladder[0])
+        return candidates
 
     def around(self, orders: list[dict[str, int]]) -> list[Recipe]:
         """Every pair of maps at every order, as the structure that has exactly these maps."""
-        found = []
+        candidates = []
         for o, first, last in itertools.product(orders, self.input, self.output):
             maps = {name: m for name, m in (("input_map", first), ("output_map", last)) if m != "unit_gain"}
             kinds = [k for k in self.kinds if _around_orders(k) and maps and set(k.of_kind("map")) == set(maps)]
-            found += [kind(**o, **maps) for kind in kinds]
-        return found
+            candidates += [kind(**o, **maps) for kind in kinds]
+        return candidates
 
     def beside(self, c: Recipe) -> list[Recipe]:
         """The neighbours of a candidate, and the same with one of its named maps exchanged."""
@@ -92,10 +92,10 @@ class Space:
             return []
         allowed = {name: option.allowed for name, option in c.options().items()}
         maps = [
-            replace(c, **{name: other})
-            for name, own in c.maps.items()
-            for other in allowed[name]
-            if other not in (own, "unit_gain")
+            replace(c, **{name: map_name})
+            for name, current in c.maps.items()
+            for map_name in allowed[name]
+            if map_name not in (current, "unit_gain")
         ]
         return [*c.neighbours(), *maps]
 

@@ -65,10 +65,10 @@ class Selection(Shown):
     @property
     def best_of_each(self) -> tuple[Row, ...]:
         """The best row of every structure, best first."""
-        found: dict[str, Row] = {}
+        best_rows: dict[str, Row] = {}
         for row in self.rows:
-            found.setdefault(row.candidate.name, row)
-        return tuple(found.values())
+            best_rows.setdefault(row.candidate.name, row)
+        return tuple(best_rows.values())
 
     def sentence(self) -> str:
         """The result in words."""
@@ -111,9 +111,9 @@ def settings(c: Recipe) -> dict[str, Any]:
     """A candidate in the form of tables and journals: orders 0 if it has none, None for a missing map."""
     orders = {**dict.fromkeys(("nb", "nf", "nk"), 0), **c.orders}
     maps = {"input": c.maps.get("input_map"), "output": c.maps.get("output_map")}
-    given = type(c).options()
-    others = {name: value for name, value in c.as_dict().items() if given[name].kind != "map"}
-    return {"structure": c.name, **orders, **maps, **others}
+    options = type(c).options()
+    other_settings = {name: value for name, value in c.as_dict().items() if options[name].kind != "map"}
+    return {"structure": c.name, **orders, **maps, **other_settings}
 
 
 def score(row: Row) -> tuple[bool, float, int]:
@@ -139,7 +139,7 @@ def ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
         finite = r.whole and bool(np.all(np.isfinite(gap)))
         told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
         ratio = float(r.errors.mean()) / max(float(rows[0].errors.mean()), 1e-300) if finite else np.inf
-        below = rows[0].fit_percent - r.fit_percent if finite else np.inf
-        told = (told and ratio > _SAME) or ratio > _NEAR or below > _POINTS
+        percent_below = rows[0].fit_percent - r.fit_percent if finite else np.inf
+        told = (told and ratio > _SAME) or ratio > _NEAR or percent_below > _POINTS
         out.append(replace(r, equal=k == 0 or not told))
     return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))

@@ -85,13 +85,13 @@ def monte_carlo(
     record, level_of = _levels(info, record)
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
-        own = _follow(info, theta, u, S)
+        follow = _follow(info, theta, u, S)
         outputs = []
         for _ in range(draws):
             spread = 1.0 if not np.isfinite(info.dof) else np.sqrt(info.dof / rng.chisquare(info.dof))
             step = spread * (info.factor @ rng.standard_normal(info.factor.shape[1]))
             e = np.sqrt(info.noise_variance) * rng.standard_normal(S.shape[1])
-            drawn = own(step, e)
+            drawn = follow(step, e)
             y = info.chain.simulate(drawn, u) if info.chain.admissible(drawn) else np.full(len(u), np.nan)
             if np.all(np.isfinite(y)):
                 outputs.append(y + noise * np.sqrt(info.noise_variance) * rng.standard_normal(len(u)))
@@ -107,11 +107,15 @@ def monte_carlo(
         ) + f"{dropped} of {draws} drawn models were unstable or invalid and left out: the band is too narrow"
     Y, tail = np.array(outputs), 50.0 * (1.0 - level)
     lower, upper = (level_of(edge) for edge in np.percentile(Y, [tail, 100.0 - tail], axis=0))
-    lost = np.isnan(info.std_of(T))
-    lower, upper, std = np.where(lost, -np.inf, lower), np.where(lost, np.inf, upper), Y.std(axis=0, ddof=1)
+    is_undetermined = np.isnan(info.std_of(T))
+    lower, upper, std = (
+        np.where(is_undetermined, -np.inf, lower),
+        np.where(is_undetermined, np.inf, upper),
+        Y.std(axis=0, ddof=1),
+    )
     y, t = level_of(info.chain.simulate(theta, u)), np.arange(len(u)) * info.Ts
     unit = info.data.y_unit
-    return OutputBand(t, y, np.where(lost, np.nan, std), lower, upper, level, unit, draws, dropped, note)
+    return OutputBand(t, y, np.where(is_undetermined, np.nan, std), lower, upper, level, unit, draws, dropped, note)
 
 
 def _levels(
@@ -120,8 +124,8 @@ def _levels(
     """The record counted from the offsets of the estimation data, and a function that brings outputs (N,) back."""
     if not isinstance(record, IOData):
         return record, lambda y: y
-    given, own = record, with_offsets(record, info.data.u_offset, info.data.y_offset)
-    return own, lambda y: restore_offsets(y, own, given)
+    original, levelled = record, with_offsets(record, info.data.u_offset, info.data.y_offset)
+    return levelled, lambda y: restore_offsets(y, levelled, original)
 
 
 def _sensitivity(
@@ -158,11 +162,11 @@ def _follow(info: Information, theta: np.ndarray, u: np.ndarray, S: np.ndarray) 
     if n == 0:
         return lambda step, e: theta + (step if same else np.where(initial, 0.0, step))
     X = chain.tangent(theta, u[:n])[1]
-    back = np.linalg.pinv(X[:, initial], rcond=1e-9)
+    inverse = np.linalg.pinv(X[:, initial], rcond=1e-9)
 
     def drawn(step: np.ndarray, e: np.ndarray) -> np.ndarray:
         step = np.where(initial, 0.0, step)
-        step[initial] = back @ (e - X @ step)
+        step[initial] = inverse @ (e - X @ step)
         return theta + step
 
     return drawn
@@ -175,10 +179,10 @@ def initial_state_sensitivity(J: np.ndarray, initial: np.ndarray, n: int) -> tup
     They solve least squares over the first n samples: to first order dx0 = X+ (e - J dtheta) with X = J[:n, initial].
     """
     X = J[:n, initial]
-    back = np.linalg.pinv(X / _column_norms(X), rcond=1e-9) / _column_norms(X)[:, None]
-    T = J - J[:, initial] @ (back @ J[:n])
+    inverse = np.linalg.pinv(X / _column_norms(X), rcond=1e-9) / _column_norms(X)[:, None]
+    T = J - J[:, initial] @ (inverse @ J[:n])
     T[:, initial] = 0.0
-    return T, J[:, initial] @ back
+    return T, J[:, initial] @ inverse
 
 
 def _column_norms(X: np.ndarray) -> np.ndarray:

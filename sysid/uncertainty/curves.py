@@ -96,13 +96,13 @@ def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]
     """Input and output of block k over the first experiment, and the covariance of the two."""
     record, chain, theta = info.data.experiments[0], info.chain, info.theta
     x, J, q = np.ascontiguousarray(record.u[:, 0]), np.zeros((record.N, len(theta))), 0
-    before = x, J.copy()
+    map_input = x, J.copy()
     for b in chain.blocks[: k + 1]:
-        before = x, J.copy()
+        map_input = x, J.copy()
         x = b.propagate(chain.part(theta, b), x, J, q)
         q += b.n_parameters
-    correlation = float((before[0] - before[0].mean()) @ (x - x.mean()))
-    return (_Signal.of(*before), _Signal.of(x, J)), correlation
+    correlation = float((map_input[0] - map_input[0].mean()) @ (x - x.mean()))
+    return (_Signal.of(*map_input), _Signal.of(x, J)), correlation
 
 
 def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_Scale | None, _Scale | None]:
@@ -133,22 +133,22 @@ def _normalised(
     k: int,
     signals: tuple[_Signal, _Signal],
     scales: tuple[_Scale | None, _Scale | None],
-    shown: np.ndarray | None,
+    shown_x: np.ndarray | None,
     points: int,
     level: float,
 ) -> Band:
     """The map between signals in `scales`; the gradient includes the dependence of the scales on theta."""
-    (into, out), (x_scale, y_scale), block = signals, scales, info.chain.blocks[k]
-    if shown is None:
-        ends = np.array([into.lower, into.upper])
+    (input_signal, out), (x_scale, y_scale), block = signals, scales, info.chain.blocks[k]
+    if shown_x is None:
+        ends = np.array([input_signal.lower, input_signal.upper])
         if x_scale is not None:
-            ends = np.sort(x_scale.mean + x_scale.std * x_scale.sign * (ends - into.mean) / into.std)
-        shown = np.linspace(ends[0], ends[1], points)
-    shown = np.asarray(shown, dtype=float)
-    x, J = shown, np.zeros((len(shown), len(info.theta)))
+            ends = np.sort(x_scale.mean + x_scale.std * x_scale.sign * (ends - input_signal.mean) / input_signal.std)
+        shown_x = np.linspace(ends[0], ends[1], points)
+    shown_x = np.asarray(shown_x, dtype=float)
+    x, J = shown_x, np.zeros((len(shown_x), len(info.theta)))
     if x_scale is not None:
-        r = x_scale.sign * (shown - x_scale.mean) / x_scale.std
-        x, J = into.mean + r * into.std, into.d_mean + r[:, None] * into.d_std
+        r = x_scale.sign * (shown_x - x_scale.mean) / x_scale.std
+        x, J = input_signal.mean + r * input_signal.std, input_signal.d_mean + r[:, None] * input_signal.d_std
     P = J.shape[1]
     wide = np.concatenate([J, np.zeros((len(x), block.n_parameters))], axis=1)
     y = block.propagate(info.chain.part(info.theta, block), np.ascontiguousarray(x), wide, P)
@@ -158,4 +158,4 @@ def _normalised(
         r = (y - out.mean) / out.std
         gradient = y_scale.sign * y_scale.std * (gradient - out.d_mean - r[:, None] * out.d_std) / out.std
         y = y_scale.mean + y_scale.sign * y_scale.std * r
-    return band(info, shown, y, gradient, level)
+    return band(info, shown_x, y, gradient, level)

@@ -81,8 +81,8 @@ class Information:
     def std_of(self, gradient: np.ndarray) -> np.ndarray:
         """Standard deviation (m,) of quantities with gradient (m, P); nan where the record does not determine them."""
         G = np.atleast_2d(gradient)
-        lost = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._at_bound(G)
-        return np.where(lost, np.nan, np.linalg.norm(G @ self.factor, axis=1))
+        is_undetermined = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._at_bound(G)
+        return np.where(is_undetermined, np.nan, np.linalg.norm(G @ self.factor, axis=1))
 
     def note_of(self, gradient: np.ndarray) -> str:
         """Why one of the quantities with gradient (m, P) is undetermined; '' if all are determined."""
@@ -152,38 +152,38 @@ def information_at(
     """
     siso(data)
     with one_blas_thread():
-        e, J, mask, own = _stacked(chain, theta, data)
+        e, J, mask, initial_count = _stacked(chain, theta, data)
         free = chain.basis[:, chain.free]
-        held = _held(chain, theta, (J @ free).T @ e)
-        basis, redundant = free[:, ~held], _gauge(chain, theta, free, held)
+        at_bound = _held(chain, theta, (J @ free).T @ e)
+        basis, redundant = free[:, ~at_bound], _gauge(chain, theta, free, at_bound)
         Jp = J @ basis
         scale = _unit(Jp)
         _, s, Vt = np.linalg.svd(np.linalg.qr(Jp / scale, mode="r"))
         keep = s > _EMPTY * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), dtype=bool)
         redundant = np.linalg.qr(redundant * scale[:, None])[0]
         weights, V = basis / scale, Vt[keep].T / s[keep]
-        dof = float(mask.sum()) - int(keep.sum()) - own
+        dof = float(mask.sum()) - int(keep.sum()) - initial_count
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
-        factor, used = np.sqrt(sigma2) * (weights @ V), None
+        factor, bandwidth = np.sqrt(sigma2) * (weights @ V), None
         if noise is not None:
             factor = weights @ V @ noise.root((Jp / scale) @ V, data.lengths)
         elif lags is not None:
-            root, used = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
+            root, bandwidth = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
             factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
         null = Vt[~keep].T
-        left, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
+        null_directions, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
     return Information(
         chain=chain,
         theta=theta,
         data=data,
         factor=factor,
         gauge=weights @ redundant,
-        unexcited=weights @ left[:, sv > 1e-2],
-        bound=free[:, held],
+        unexcited=weights @ null_directions[:, sv > 1e-2],
+        bound=free[:, at_bound],
         weights=weights,
         noise_variance=sigma2,
         dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,
-        lags=used,
+        lags=bandwidth,
         n_init=n_init,
     )
 
@@ -194,20 +194,20 @@ def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray,
     Missing samples are zero rows. The part that a further experiment's own initial state explains is projected out of
     its rows, which leaves exactly the information on the common parameters (Frisch and Waugh 1933).
     """
-    errors, rows, masks, own = [], [], [], 0
+    errors, rows, masks, initial_count = [], [], [], 0
     for k, record in enumerate(data.experiments):
-        seen = record.observed[:, 0]
+        observed = record.observed[:, 0]
         own_theta = theta if k == 0 else estimate_initial(chain, theta, record)
         yhat, J = chain.tangent(own_theta, record.u[:, 0])
-        e, J = (record.y[:, 0] - yhat) * seen, J * seen[:, None]
+        e, J = (record.y[:, 0] - yhat) * observed, J * observed[:, None]
         if k and chain.initial.any():
             Q = np.linalg.qr(J[:, chain.initial])[0]
             e, J = e - Q @ (Q.T @ e), J - Q @ (Q.T @ J)
-            J[:, chain.initial], own = 0.0, own + Q.shape[1]
+            J[:, chain.initial], initial_count = 0.0, initial_count + Q.shape[1]
         errors.append(e)
         rows.append(J)
-        masks.append(seen)
-    return np.concatenate(errors), np.concatenate(rows), np.concatenate(masks), own
+        masks.append(observed)
+    return np.concatenate(errors), np.concatenate(rows), np.concatenate(masks), initial_count
 
 
 def _held(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
@@ -216,12 +216,12 @@ def _held(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     return (low[chain.free] & (gradient < 0)) | (high[chain.free] & (gradient > 0))
 
 
-def _gauge(chain: Chain, theta: np.ndarray, free: np.ndarray, held: np.ndarray) -> np.ndarray:
+def _gauge(chain: Chain, theta: np.ndarray, free: np.ndarray, at_bound: np.ndarray) -> np.ndarray:
     """The gauge in coordinates of the free directions that are not held (n, g)."""
     G = np.linalg.lstsq(free, chain.gauge(theta), rcond=None)[0]
-    if held.any() and G.shape[1]:
-        G = G @ null_space(G[held])  # a held direction fixes the gauge that would move it
-    return G[~held]
+    if at_bound.any() and G.shape[1]:
+        G = G @ null_space(G[at_bound])  # a held direction fixes the gauge that would move it
+    return G[~at_bound]
 
 
 def _unit(J: np.ndarray) -> np.ndarray:

@@ -133,28 +133,28 @@ def poles(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     """Poles of every transfer function of the chain, in the order of `Fit.poles`; of a state space, the eigenvalues of
     its tangent with the input at its centre.
     """
-    found = []
-    own = _of_state_space(info)
-    if own is not None:
-        return tuple(_roots(info, own.F, own.F_gradient, level))
+    roots_found = []
+    rational = _of_state_space(info)
+    if rational is not None:
+        return tuple(_roots(info, rational.F, rational.F_gradient, level))
     for b in _linear(info):
-        own = transfer(info.chain, info.theta, b)
-        roots = _roots(info, own.F[: b.nf + 1], own.F_gradient[: b.nf + 1], level)
-        found += [_open(r) if is_cancelled(info, b, r.value, level) else r for r in roots]
-    return tuple(found)
+        rational = transfer(info.chain, info.theta, b)
+        roots = _roots(info, rational.F[: b.nf + 1], rational.F_gradient[: b.nf + 1], level)
+        roots_found += [_open(r) if is_cancelled(info, b, r.value, level) else r for r in roots]
+    return tuple(roots_found)
 
 
 @checked
 def zeros(info: Information, level: float = 0.95) -> tuple[Root, ...]:
     """Finite zeros of every transfer function of the chain, in the order of `Fit.zeros`."""
-    whole = _of_state_space(info)
-    if whole is not None:
-        return tuple(_roots(info, whole.B, whole.B_gradient, level))
-    found = []
+    space_tangent = _of_state_space(info)
+    if space_tangent is not None:
+        return tuple(_roots(info, space_tangent.B, space_tangent.B_gradient, level))
+    roots_found = []
     for b in _linear(info):
-        own = transfer(info.chain, info.theta, b)
-        found += _roots(info, own.B[b.nk : b.nk + b.nb], own.B_gradient[b.nk : b.nk + b.nb], level)
-    return tuple(found)
+        rational = transfer(info.chain, info.theta, b)
+        roots_found += _roots(info, rational.B[b.nk : b.nk + b.nb], rational.B_gradient[b.nk : b.nk + b.nb], level)
+    return tuple(roots_found)
 
 
 @checked
@@ -184,10 +184,10 @@ def _of_state_space(info: Information) -> Rational | None:
 
 
 def _linear(info: Information) -> list[TransferFunction]:
-    found = [b for b in info.chain.blocks if isinstance(b, TransferFunction)]
-    if not found:
+    filters = [b for b in info.chain.blocks if isinstance(b, TransferFunction)]
+    if not filters:
         raise InputError("this chain has no transfer function, so it has no poles and zeros; use a structure with one")
-    return found
+    return filters
 
 
 def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> list[Root]:
@@ -197,14 +197,14 @@ def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> li
     lead = int(np.flatnonzero(p)[0])  # leading zeros are roots at infinity, which are left out
     p, dp = p[lead:], dp[lead:]
     roots, slope = np.roots(p).astype(complex), np.polyder(p)
-    found = []
+    results = []
     for z in roots:
         d = np.polyval(slope, z)
         if abs(d) < 1e-12 * np.abs(p).max():
-            found.append(_root(info, z, None, level, _MULTIPLE))
+            results.append(_root(info, z, None, level, _MULTIPLE))
             continue
-        found.append(_root(info, z, -(z ** np.arange(len(p) - 1, -1, -1)) @ dp / d, level))
-    return [_warned(r, roots) for r in found]
+        results.append(_root(info, z, -(z ** np.arange(len(p) - 1, -1, -1)) @ dp / d, level))
+    return [_warned(r, roots) for r in results]
 
 
 def _open(root: Root) -> Root:
@@ -235,15 +235,15 @@ def _meaning(
     r, Ts = abs(z), info.Ts
     _, _, modulus, frequency, damping, tau = _readings(z, Ts)
     if r == 0.0:
-        nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 0")
-        return interval(info, 0.0, np.abs(dz), level), nothing, nothing, nothing
+        no_interval = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 0")
+        return interval(info, 0.0, np.abs(dz), level), no_interval, no_interval, no_interval
     size = interval(info, modulus, np.real(np.conj(z) * dz) / r, level)
     spread = size.std * Ts / (np.log(r) ** 2 * r) if np.isfinite(tau) else np.nan
     envelope = Interval(tau, spread, _envelope(size.lower, Ts), _envelope(size.upper, Ts), size.note)
     s, ds = np.log(z) / Ts, dz / (z * Ts)
     if s == 0:
-        nothing = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 1")
-        return size, interval(info, 0.0, np.abs(ds), level), nothing, envelope
+        no_interval = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 1")
+        return size, interval(info, 0.0, np.abs(ds), level), no_interval, envelope
     dw = np.real(np.conj(s) * ds) / abs(s)
     d_damping = -(ds.real * abs(s) - s.real * dw) / abs(s) ** 2
     return size, interval(info, frequency, dw, level), interval(info, damping, d_damping, level), envelope
@@ -267,9 +267,9 @@ def _envelope(r: float, Ts: float) -> float:
 
 def _warned(root: Root, roots: np.ndarray) -> Root:
     """The root with a note if the linear approximation is inaccurate."""
-    others = np.abs(roots - root.value)
-    near = np.sort(others)[1] if len(roots) > 1 else np.inf
-    return replace(root, note=_ROUGH) if not root.note and near < 3.0 * root.std else root
+    distances = np.abs(roots - root.value)
+    distance = np.sort(distances)[1] if len(roots) > 1 else np.inf
+    return replace(root, note=_ROUGH) if not root.note and distance < 3.0 * root.std else root
 
 
 def _region(level: float, dof: float) -> float:
@@ -288,11 +288,11 @@ def is_cancelled(info: Information, block: TransferFunction, z: complex, level: 
     response, which makes it independent of the gauge. The pole is free where the residue is zero, so the quantile has
     twice as many degrees of freedom as the residue.
     """
-    own = transfer(info.chain, info.theta, block)
-    b, db = own.B[block.nk : block.nk + block.nb], own.B_gradient[block.nk : block.nk + block.nb]
+    rational = transfer(info.chain, info.theta, block)
+    b, db = rational.B[block.nk : block.nk + block.nb], rational.B_gradient[block.nk : block.nk + block.nb]
     if largest := float(np.abs(b).max(initial=0.0)):  # the answer has no unit, and squares of a tiny gain are no number
         b, db = b / largest, db / largest
-    F, dF = own.F[: block.nf + 1], own.F_gradient[: block.nf + 1]
+    F, dF = rational.F[: block.nf + 1], rational.F_gradient[: block.nf + 1]
     size, d_size = _response_norm(b, db, F, dF)
     slope = complex(np.polyval(np.polyder(F), z))
     if size == 0.0 or slope == 0.0 or abs(z) <= _DELAY_MODULUS:
@@ -317,12 +317,12 @@ def is_cancelled(info: Information, block: TransferFunction, z: complex, level: 
 
 def _response_norm(b: np.ndarray, db: np.ndarray, F: np.ndarray, dF: np.ndarray) -> tuple[float, np.ndarray]:
     """Norm of the first samples of the impulse response, with its gradient (P,)."""
-    one = np.eye(1, _RESPONSE_SAMPLES)[0]
-    h = lfilter(b, F, one)
-    by_b, by_f = lfilter([1.0], F, one), -lfilter([1.0], F, h)
+    impulse = np.eye(1, _RESPONSE_SAMPLES)[0]
+    h = lfilter(b, F, impulse)
+    by_b, by_f = lfilter([1.0], F, impulse), -lfilter([1.0], F, h)
     size = float(np.linalg.norm(h))
     if size == 0.0 or not np.isfinite(size):
         return 0.0, np.zeros(db.shape[1])
-    along = [float(h[k:] @ by_b[: _RESPONSE_SAMPLES - k]) for k in range(len(b))]
-    against = [float(h[k:] @ by_f[: _RESPONSE_SAMPLES - k]) for k in range(len(F))]
-    return size, (np.array(along) @ db + np.array(against) @ dF) / size
+    by_numerator = [float(h[k:] @ by_b[: _RESPONSE_SAMPLES - k]) for k in range(len(b))]
+    by_denominator = [float(h[k:] @ by_f[: _RESPONSE_SAMPLES - k]) for k in range(len(F))]
+    return size, (np.array(by_numerator) @ db + np.array(by_denominator) @ dF) / size

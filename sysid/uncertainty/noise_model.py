@@ -38,13 +38,13 @@ class NoiseModel:
 
         A row says what one sample of white noise adds to V'e, through the later samples that remember it.
         """
-        found, before = [], []
+        rows, initial_rows = [], []
         for piece in _pieces(V, lengths):
-            back = np.concatenate([piece[::-1], np.zeros((self.memory, V.shape[1]))])
-            G = lfilter([1.0], self.A, back, axis=0)[::-1]
-            found.append(G[self.memory :])
-            before.append(G[: self.memory])
-        return np.concatenate(found), np.concatenate(before)
+            reversed_rows = np.concatenate([piece[::-1], np.zeros((self.memory, V.shape[1]))])
+            G = lfilter([1.0], self.A, reversed_rows, axis=0)[::-1]
+            rows.append(G[self.memory :])
+            initial_rows.append(G[: self.memory])
+        return np.concatenate(rows), np.concatenate(initial_rows)
 
     def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
         """R (r, r) with R R' the covariance of V'e."""
@@ -63,17 +63,19 @@ def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseMo
 
     The order is that of the least AIC (Akaike 1974), up to 8.
     """
-    most = min(_LARGEST_ORDER, min(lengths) // 20)
-    likelihood = _RestrictedLikelihood(_gram(np.column_stack([e, V]), lengths, most), sum(lengths), len(lengths))
-    best, chosen, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
-    for p in range(1, most + 1):
+    highest_order = min(_LARGEST_ORDER, min(lengths) // 20)
+    likelihood = _RestrictedLikelihood(
+        _gram(np.column_stack([e, V]), lengths, highest_order), sum(lengths), len(lengths)
+    )
+    best, best_z, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
+    for p in range(1, highest_order + 1):
         z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-2, "maxiter": 30}).x
-        found = likelihood(z) + 2.0 * p
-        if found < best:
-            best, chosen = found, z
-        elif p > len(chosen) + 1:  # two orders in turn brought nothing
+        criterion = likelihood(z) + 2.0 * p
+        if criterion < best:
+            best, best_z = criterion, z
+        elif p > len(best_z) + 1:  # two orders in turn brought nothing
             break
-    A = _coefficients(chosen)
+    A = _coefficients(best_z)
     return NoiseModel(A, likelihood.left(A)[0] / max(sum(lengths) - V.shape[1], 1))
 
 
@@ -108,8 +110,8 @@ class _RestrictedLikelihood:
             L = np.linalg.cholesky(G[1:, 1:])
         except np.linalg.LinAlgError:
             return 0.0, 0.0
-        along = np.linalg.solve(L, G[1:, 0])
-        return float(G[0, 0] - along @ along), 2.0 * float(np.log(np.diag(L)).sum())
+        projection = np.linalg.solve(L, G[1:, 0])
+        return float(G[0, 0] - projection @ projection), 2.0 * float(np.log(np.diag(L)).sum())
 
 
 def _coefficients(z: np.ndarray) -> np.ndarray:
@@ -123,24 +125,24 @@ def _coefficients(z: np.ndarray) -> np.ndarray:
     return A
 
 
-def _gram(x: np.ndarray, lengths: Sequence[int], most: int) -> np.ndarray:
+def _gram(x: np.ndarray, lengths: Sequence[int], highest_order: int) -> np.ndarray:
     """D (p + 1, p + 1, c, c) of x (N, c) with x'S^-1 x = sum_ij A_i A_j D_ij, exact from the first sample on.
 
     D_ij = sum of x_(t+i) x_(t+j)' over t = 0 .. N - 1 - i - j (Box, Jenkins and Reinsel, Time Series Analysis, 3rd ed.
-    1994, appendix A7.5); p = `most`.
+    1994, appendix A7.5); p = `highest_order`.
     """
     c = x.shape[1]
-    D = np.zeros((most + 1, most + 1, c, c))
+    D = np.zeros((highest_order + 1, highest_order + 1, c, c))
     for piece in _pieces(x, lengths):
         n = len(piece)
-        for j in range(most + 1):
-            own = piece[: n - j].T @ piece[j:]
-            for i in range(most + 1 - j):
-                D[i, i + j] += own
+        for j in range(highest_order + 1):
+            products = piece[: n - j].T @ piece[j:]
+            for i in range(highest_order + 1 - j):
+                D[i, i + j] += products
                 if j:
-                    D[i + j, i] += own.T
+                    D[i + j, i] += products.T
                 first, last = np.outer(piece[i], piece[i + j]), np.outer(piece[n - 1 - i - j], piece[n - 1 - i])
-                own = own - first - last
+                products = products - first - last
     return D
 
 
@@ -163,10 +165,10 @@ def long_run_covariance_root(
         if lags != "auto":
             raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number")
         noise = noise_model(e, V, lengths)
-        G, before = noise.gathered(V, lengths)
+        G, initial_scores = noise.gathered(V, lengths)
         scores = noise.white(e, lengths)[:, None] * G
         m = _bandwidth(scores)
-        rows = [_bartlett_root(scores, lengths, m).T, np.sqrt(noise.variance) * before]
+        rows = [_bartlett_root(scores, lengths, m).T, np.sqrt(noise.variance) * initial_scores]
         return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r")).T, m
     if lags < 0 or int(lags) != lags or lags >= min(lengths):
         raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number from 0 to {min(lengths) - 1}")

@@ -78,8 +78,8 @@ class Comparison(Shown):
                 c.ljust(w) if i in (1, 10) else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append("  ".join(cells).rstrip())
-        said = [self.numbered] if self.numbered else []
-        return "\n".join([*lines, f"{self.scored} samples scored, {self.n_init} not", *said])
+        explanation = [self.numbered] if self.numbered else []
+        return "\n".join([*lines, f"{self.scored} samples scored, {self.n_init} not", *explanation])
 
 
 @checked
@@ -157,7 +157,7 @@ def cross_validate(
         raise InputError(f"{folds} folds of {data.N} samples; give 2 folds or more, of at least 4 samples each")
     edges = np.linspace(0, data.N, folds + 1).round().astype(int)
     blocks = [(int(a), int(b)) for a, b in pairwise(edges)]
-    found = []
+    results = []
     for a, b in blocks:
         rest = [data.select(i, j) for i, j in ((0, a), (b, data.N)) if j - i >= 2]
         estimation, left_out = IOData.merge(*rest), data.select(a, b)
@@ -165,9 +165,9 @@ def cross_validate(
         n = min(refit.n_init, left_out.N // 2) if n_init is None else n_init
         counts = _scored(left_out, n)
         rmse = _rmse((left_out.y[:, 0] - refit.simulate(left_out, n))[counts])
-        found.append((refit.fit_percent(left_out, n), rmse, refit.fit_percent(estimation), refit.stop.converged))
-    fits, rmses, own, converged = zip(*found, strict=True)
-    return CrossValidation(fits, rmses, own, tuple(blocks), converged)
+        results.append((refit.fit_percent(left_out, n), rmse, refit.fit_percent(estimation), refit.stop.converged))
+    fits, rmses, estimation_fits, converged = zip(*results, strict=True)
+    return CrossValidation(fits, rmses, estimation_fits, tuple(blocks), converged)
 
 
 def _row(label: str, fit: Any, data: IOData, n: int, counts: np.ndarray) -> Row:
@@ -193,8 +193,8 @@ def _scored(data: IOData, n: int) -> np.ndarray:
         raise InputError(
             f"an experiment has {min(data.lengths)} samples and {n} of them give the initial state; give a longer one"
         )
-    late = np.concatenate([np.arange(k) >= n for k in data.lengths])
-    return late & data.observed[:, 0]
+    after_start = np.concatenate([np.arange(k) >= n for k in data.lengths])
+    return after_start & data.observed[:, 0]
 
 
 def _rmse(e: np.ndarray) -> float:

@@ -94,18 +94,18 @@ def propose(
     progress()
     data = ActuatedJoint().scale(record.data)
     growth = grow_joint(data, seed=seed, progress=heard, seconds=seconds)
-    said = verdict(growth, data)
-    if not said.joint:
-        early = f"{growth.stopped}; " if growth.stopped else ""
+    judgement = verdict(growth, data)
+    if not judgement.joint:
+        prefix = f"{growth.stopped}; " if growth.stopped else ""
         raise InputError(
-            f"{early}{said.sentence()} No experiment is designed from it. To see the fit: qpal identify "
+            f"{prefix}{judgement.sentence()} No experiment is designed from it. To see the fit: qpal identify "
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = growth.fit
-    found = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops)
+    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops)
     if growth.stopped:
-        found = replace(found, notes=(growth.stopped, *found.notes))
-    return Proposal(record, fit, found)
+        experiment = replace(experiment, notes=(growth.stopped, *experiment.notes))
+    return Proposal(record, fit, experiment)
 
 
 def _column_unit(record: Record) -> str:

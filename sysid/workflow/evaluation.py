@@ -243,10 +243,10 @@ def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
                 maps[block.role] = Curve(grid, y)
         elif isinstance(block, Channels):
             theta = fit.model.part(fit.theta, block)
-            for k, ((part, each), column) in enumerate(zip(block.parts(), x.T, strict=True), 1):
+            for k, ((slots, part_block), column) in enumerate(zip(block.parts(), x.T, strict=True), 1):
                 grid = np.linspace(column.min(), column.max(), 201)
-                if isinstance(each, StaticBlock) and each.n_parameters:
-                    maps[f"{block.role} {k}"] = Curve(grid, each.output(theta[part], grid))
+                if isinstance(part_block, StaticBlock) and part_block.n_parameters:
+                    maps[f"{block.role} {k}"] = Curve(grid, part_block.output(theta[slots], grid))
     return maps
 
 
@@ -264,9 +264,9 @@ def fits_of_outputs(data: IOData, run: np.ndarray, first: int = 0) -> np.ndarray
 
 def residuals_and_inputs(fit: Fit | NlarxFit, data: IOData) -> tuple[np.ndarray, np.ndarray]:
     """Residuals (M, ny) and inputs (M, nu) of all experiments, without their first samples."""
-    es = [np.reshape(e, (len(e), -1)) for e in (fit.residuals(part) for part in data.experiments)]
-    us = [part.u[part.N - len(e) :] for part, e in zip(data.experiments, es, strict=True)]
-    return np.concatenate(es), np.concatenate(us)
+    residuals = [np.reshape(e, (len(e), -1)) for e in (fit.residuals(part) for part in data.experiments)]
+    inputs = [part.u[part.N - len(e) :] for part, e in zip(data.experiments, residuals, strict=True)]
+    return np.concatenate(residuals), np.concatenate(inputs)
 
 
 def tests_of_outputs(fit: Fit, data: IOData) -> tuple[ResidualTests, ...]:

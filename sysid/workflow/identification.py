@@ -86,7 +86,7 @@ def identify_file(
         return read_record(path, input, output, Ts, time, mapping, range, time_unit, preparation.missing)
 
     _check_once(paths, validation)
-    records, others = [read(p) for p in paths], [read(p) for p in validation]
+    records, validation_records = [read(p) for p in paths], [read(p) for p in validation]
     check_channels(setting, records[0])
     name = records[0].path
     try:
@@ -95,19 +95,19 @@ def identify_file(
             setting = replace(setting, recipe=recipe)
         absolute = isinstance(setting, Auto) or bool(setting.recipe.zero)
         record = _merged(records, absolute, preparation)
-        other = _merged(others, absolute, preparation) if others else None
-        if other is not None:
-            check_same_channels(record, other)
-            other = replace(other, data=replace(other.data, Ts=record.data.Ts))
-        plan = Plan(preparation, 0.5 if split is None else split, detrend, other)
-        estimation, held_back = plan.parts(record.data)
-        check_parts(estimation, held_back)
-        found = advise(record.data)
+        validation_record = _merged(validation_records, absolute, preparation) if validation_records else None
+        if validation_record is not None:
+            check_same_channels(record, validation_record)
+            validation_record = replace(validation_record, data=replace(validation_record.data, Ts=record.data.Ts))
+        plan = Plan(preparation, 0.5 if split is None else split, detrend, validation_record)
+        estimation, validation_part = plan.parts(record.data)
+        check_parts(estimation, validation_part)
+        findings = advise(record.data)
         fitting()
         if isinstance(setting, Auto):
-            selection, evaluation = _search(setting, estimation, held_back, candidate, progress)
+            selection, evaluation = _search(setting, estimation, validation_part, candidate, progress)
         else:
-            selection, evaluation = None, evaluate(setting, estimation, held_back, progress)
+            selection, evaluation = None, evaluate(setting, estimation, validation_part, progress)
     except InputError as error:
         raise InputError(f"{name}: {error}") from None
     if detrend == "linear" or (preparation.filter or (None,))[0]:
@@ -115,21 +115,23 @@ def identify_file(
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
     evaluation = named_channels(evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
-    first, *more = map(str, record.files or (record.path,))
-    of = evaluation.setting.recipe.name, evaluation.validation_fit
-    advice = tuple(advice_after_fit(a, *of).of_file(first, (*more, *record.options)) for a in found)
+    first, *further_files = map(str, record.files or (record.path,))
+    structure_and_fit = evaluation.setting.recipe.name, evaluation.validation_fit
+    advice = tuple(
+        advice_after_fit(a, *structure_and_fit).of_file(first, (*further_files, *record.options)) for a in findings
+    )
     result = Identification(record, plan, evaluation, advice, selection)
     return replace(result, next=next_step(result))
 
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:
     """Raises InputError for a file that is given twice: it would count double, or be no unseen data."""
-    seen: set[Path] = set()
+    places: set[Path] = set()
     for path in (*paths, *validation):
         place = Path(path).resolve()
-        if place in seen:
+        if place in places:
             raise InputError(f"{path} is given twice; name each file once, for the fit or with --validation")
-        seen.add(place)
+        places.add(place)
 
 
 def _merged(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:
@@ -145,10 +147,10 @@ def check_channels(setting: Setting | Auto, record: Record) -> None:
     nu, ny = record.data.u.shape[1], record.data.y.shape[1]
     if (nu, ny) == (1, 1) or isinstance(recipe, Several):
         return
-    what = "a structure search takes" if recipe is None else f"structure {recipe.name} takes"
+    taker = "a structure search takes" if recipe is None else f"structure {recipe.name} takes"
     able = [name for name, kind in STRUCTURES.items() if issubclass(kind, Several)]
     raise InputError(
-        f"{record.path}: {what} one input and one output, and the record has {nu} and {ny}; name one column of each "
+        f"{record.path}: {taker} one input and one output, and the record has {nu} and {ny}; name one column of each "
         f"with --input and --output, or give --structure {', '.join(able[:-1])} or {able[-1]}"
     )
 
@@ -184,10 +186,10 @@ def _search(
     """The search on `estimation`, and its chosen fit evaluated on `validation` without refitting."""
     space = Space(starts=auto.starts)
     options = auto.search, auto.seed, None, auto.journal, candidate, auto.scheduler, auto.seconds
-    found = select(estimation, space, *options)
-    recipe = found.chosen.candidate
+    selection = select(estimation, space, *options)
+    recipe = selection.chosen.candidate
     setting = Setting(recipe, auto.search, auto.starts, auto.seed)
     parts = recipe.scale(estimation), recipe.scale(validation)
     if recipe.grown:  # the search tried the plain one
-        return found, evaluate(setting, *parts, progress)
-    return found, evaluate_fit(setting, found.fit, *parts)
+        return selection, evaluate(setting, *parts, progress)
+    return selection, evaluate_fit(setting, selection.fit, *parts)

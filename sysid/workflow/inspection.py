@@ -124,18 +124,23 @@ def inspect_file(
     unclear: tuple[str, ...] = ()
     remarks: dict[str, str] = {}
     if mapping is not None:
-        chosen = read_map_of(mapping)
+        channel_map = read_map_of(mapping)
     else:
-        found = guess(table, given)
-        chosen, why, unclear, remarks = found.mapping, found.why, found.unclear, dict(found.remarks)
+        guessed_map = guess(table, given)
+        channel_map, why, unclear, remarks = (
+            guessed_map.mapping,
+            guessed_map.why,
+            guessed_map.unclear,
+            dict(guessed_map.remarks),
+        )
     if range != Range():
-        chosen = chosen.model_copy(update={"range": range})
+        channel_map = channel_map.model_copy(update={"range": range})
     signals, problem = None, ""
     repairs: tuple[str, ...] = ()
     if not unclear:
-        signals, problem = _try(table, chosen, why)
+        signals, problem = _try(table, channel_map, why)
     if problem and mapping is None:
-        chosen, signals, repairs = _repaired(table, chosen, why)
+        channel_map, signals, repairs = _repaired(table, channel_map, why)
         remarks |= {f"repair.{entry}": "SUGGESTED for this file" for entry in repairs}
     title = f"How {Path(path).name} is read; edit it and give it with --map.\n" + "\n".join((*why, *unclear))
     file = map_path or (None if mapping is None or isinstance(mapping, ChannelMap) else str(mapping))
@@ -143,12 +148,12 @@ def inspect_file(
     return Inspection(
         table.path,
         TABLE[table.path.suffix.lower()].__name__,
-        _columns(table, chosen),
+        _columns(table, channel_map),
         table.notes,
         dict(table.meta),
-        chosen,
+        channel_map,
         mapping is not None,
-        map_text(chosen, title, remarks),
+        map_text(channel_map, title, remarks),
         why,
         unclear,
         problem,
@@ -179,23 +184,23 @@ def sampling_facts(signals: Signals) -> dict[str, Any]:
     }
 
 
-def _try(table: Table, mapping: ChannelMap, why: tuple[str, ...]) -> tuple[Signals | None, str]:
+def _try(table: Table, mapping: ChannelMap, reasons: tuple[str, ...]) -> tuple[Signals | None, str]:
     try:
-        return sample(table, mapping, why), ""
+        return sample(table, mapping, reasons), ""
     except InputError as error:
         return None, str(error)
 
 
 def _repaired(
-    table: Table, mapping: ChannelMap, why: tuple[str, ...]
+    table: Table, mapping: ChannelMap, reasons: tuple[str, ...]
 ) -> tuple[ChannelMap, Signals | None, tuple[str, ...]]:
     """The mapping with the fewest further repairs that make a record, and their entries; as it was if none do."""
     for changes in ({"empty": "fill"}, {"backward": "drop"}, {"empty": "fill", "backward": "drop"}):
         repair = mapping.repair.model_copy(update=changes)
-        changed = mapping.model_copy(update={"repair": repair})
-        signals, _ = _try(table, changed, why)
+        repaired_map = mapping.model_copy(update={"repair": repair})
+        signals, _ = _try(table, repaired_map, reasons)
         if signals is not None:
-            return changed, signals, tuple(changes)
+            return repaired_map, signals, tuple(changes)
     return mapping, None, ()
 
 
@@ -217,14 +222,14 @@ def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:
     for role in ROLES:
         for channel in getattr(mapping, role):
             roles |= {channel.times: f"times {role}", channel.column: role}
-    found = []
+    columns = []
     for name in table.names:
         values = soft_numbers(table, name)
         finite = values[np.isfinite(values)]
         low, high = (float(finite.min()), float(finite.max())) if len(finite) else (float("nan"),) * 2
         role = roles.get(name, "")
-        found.append(Column(name, table.units.get(name, ""), role, len(values), len(values) - len(finite), low, high))
-    return tuple(found)
+        columns.append(Column(name, table.units.get(name, ""), role, len(values), len(values) - len(finite), low, high))
+    return tuple(columns)
 
 
 def _advice(signals: Signals | None) -> tuple[Advice, ...]:
@@ -233,9 +238,9 @@ def _advice(signals: Signals | None) -> tuple[Advice, ...]:
         return ()
     try:
         data = signals.io()
-        found = advise(data.select(0, min(data.N, LONGEST)))
+        findings = advise(data.select(0, min(data.N, LONGEST)))
         # Nobody is sent where he is.
-        return tuple(replace(a, call="", command=()) if a.command == ("info",) else a for a in found)
+        return tuple(replace(a, call="", command=()) if a.command == ("info",) else a for a in findings)
     except InputError as error:
         return (Advice("data", str(error), float("nan"), "", "warning"),)
 

@@ -57,7 +57,7 @@ class ModelRun:
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal run`, ready for JSON."""
-        found = {
+        summary = {
             "model": self.model.as_dict(),
             "read": self.record.as_dict(),
             "fit_percent": {"free_run": self.percent, "outputs": list(self.percents)},
@@ -69,13 +69,13 @@ class ModelRun:
             "versions": versions(),
         }
         if self.ahead is not None:
-            found["prediction"] = {
+            summary["prediction"] = {
                 "horizon": self.ahead.horizon,
                 "fit_percent": float(np.mean(self.ahead.percents)),
                 "outputs": list(self.ahead.percents),
                 "fit_percent_of_the_last_output_held": float(np.mean(self.ahead.held)),
             }
-        return found
+        return summary
 
 
 def run_file(
@@ -87,11 +87,11 @@ def run_file(
     """
     if horizon is not None and horizon < 1:
         raise InputError(f"--horizon is {horizon}; give a number of samples of at least 1")
-    (saved,) = load_models([model])
+    (model_file,) = load_models([model])
     record = reading.record()
-    data, notes = data_for(saved.fit, record, reading)
+    data, notes = data_for(model_file.fit, record, reading)
     running()
-    return on_record(saved, record, data, notes, reading, horizon)
+    return on_record(model_file, record, data, notes, reading, horizon)
 
 
 def on_record(
@@ -103,17 +103,17 @@ def on_record(
     counts = scored(data, n)
     y = fit.simulate(data).reshape(data.y.shape)
     percents = _percents(data, y, counts)
-    tests, said = None, [*notes, *remarks(fit, data)]
+    tests, sentences = None, [*notes, *remarks(fit, data)]
     try:
         tests = fit.residual_tests(data)
     except InputError as error:
         if data.y.shape[1] == 1:
-            said.append(f"no residual tests: {error}")
-    less = fell(saved.estimation, float(np.mean(percents)))
-    said += [less] if less else []
-    ahead = None if horizon is None else _ahead(saved, data, counts, horizon)
+            sentences.append(f"no residual tests: {error}")
+    fall = fell(saved.estimation, float(np.mean(percents)))
+    sentences += [fall] if fall else []
+    prediction = None if horizon is None else _ahead(saved, data, counts, horizon)
     rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
-    result = ModelRun(saved, record, data, y, percents, rmse, n, ahead, tests, tuple(said))
+    result = ModelRun(saved, record, data, y, percents, rmse, n, prediction, tests, tuple(sentences))
     return ModelRun(**{**vars(result), "next": _next(result, reading)})
 
 
@@ -126,8 +126,8 @@ def scored(data: IOData, n: int) -> np.ndarray:
         raise InputError(
             f"the record has {min(data.lengths)} samples and {n} of them give the initial state; give a longer one"
         )
-    late = np.concatenate([np.arange(k) >= n for k in data.lengths])
-    return np.asarray(late[:, None] & data.observed)
+    after_start = np.concatenate([np.arange(k) >= n for k in data.lengths])
+    return np.asarray(after_start[:, None] & data.observed)
 
 
 def rms(e: np.ndarray) -> float:
@@ -149,19 +149,19 @@ def write_outputs(result: ModelRun, path: Any) -> None:
     write_text(path, "\n".join(text) + "\n")
 
 
-def _named(values: np.ndarray, name: str, unit: str, what: str = "") -> dict[str, np.ndarray]:
-    end = what + (f"_{unit}" if unit.isalpha() else "")
+def _named(values: np.ndarray, name: str, unit: str, suffix: str = "") -> dict[str, np.ndarray]:
+    end = suffix + (f"_{unit}" if unit.isalpha() else "")
     many = values.shape[1] > 1
     return {f"{name}{j + 1 if many else ''}{end}": column for j, column in enumerate(values.T)}
 
 
 def _percents(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, ...]:
-    found = []
-    for own, run, k in zip(data.y.T, y.T, counts.T, strict=True):
-        if np.ptp(own[k]) == 0.0:
+    percents = []
+    for measured, run, k in zip(data.y.T, y.T, counts.T, strict=True):
+        if np.ptp(measured[k]) == 0.0:
             raise InputError("the output does not move in the scored part of the record, so a fit says nothing")
-        found.append(fit_percent(own[k], run[k]) if np.all(np.isfinite(run[k])) else -np.inf)
-    return tuple(found)
+        percents.append(fit_percent(measured[k], run[k]) if np.all(np.isfinite(run[k])) else -np.inf)
+    return tuple(percents)
 
 
 def _ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Ahead:
@@ -180,8 +180,8 @@ def _next(result: ModelRun, reading: Reading) -> NextStep | None:
     from sysid.structures import TABLE
 
     if _is_its_own(result):
-        why = "this model was fitted to this record and does not follow it; search for another structure"
-        return NextStep(why, shlex.join([*words, "--structure", "auto"]))
+        reason = "this model was fitted to this record and does not follow it; search for another structure"
+        return NextStep(reason, shlex.join([*words, "--structure", "auto"]))
     if structure in TABLE:
         words += ["--structure", structure]
     kind = "network" if isinstance(result.model.fit, NlarxFit) else "model"
@@ -196,8 +196,8 @@ def _is_its_own(result: ModelRun) -> bool:
     origin, data = result.model.fit.origin, result.data
     if origin is None or not result.n_init < origin.samples <= data.N:
         return False
-    named = (data.u_name, data.y_name, data.u_unit, data.y_unit)
-    if named != (origin.u_name, origin.y_name, origin.u_unit, origin.y_unit):
+    names = (data.u_name, data.y_name, data.u_unit, data.y_unit)
+    if names != (origin.u_name, origin.y_name, origin.u_unit, origin.y_unit):
         return False
     counts = data.observed.copy()
     counts[origin.samples :] = False
@@ -223,8 +223,8 @@ class Models:
     @property
     def smaller(self) -> ModelRun | None:
         """The smallest model that is as good as the best one, within CLOSE points; None if that is the best one."""
-        near = [run for run in self.runs if run.percent >= self.best.percent - CLOSE]
-        least = min(near, key=lambda run: run.model.fit.criteria.d)
+        close_runs = [run for run in self.runs if run.percent >= self.best.percent - CLOSE]
+        least = min(close_runs, key=lambda run: run.model.fit.criteria.d)
         return None if least.model.fit.criteria.d >= self.best.model.fit.criteria.d else least
 
     def as_dict(self) -> dict[str, Any]:

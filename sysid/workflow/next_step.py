@@ -43,19 +43,19 @@ def next_step(result: Identification) -> NextStep | None:
     structure fits better.
     """
     e = result.evaluation
-    again = poor(e.validation_fit, e.tests) or against_the_record(e)
+    is_bad = poor(e.validation_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
-    if again and (first := _as_logged(result)) is not None:
+    if is_bad and (first := _as_logged(result)) is not None:
         return first
     if not e.fit.stop.converged or (e.growth is not None and e.growth.stopped):
-        late = _more_time(result)
-        if late is not None:  # what else may be wrong is seen after the whole search
-            return late
+        longer_search = _more_time(result)
+        if longer_search is not None:  # what else may be wrong is seen after the whole search
+            return longer_search
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
-        rules = (_budget, _unseen, _coverage, _nonlinear, _more_starts, _general) if again else ()
-    elif again:
+        rules = (_budget, _unseen, _coverage, _nonlinear, _more_starts, _general) if is_bad else ()
+    elif is_bad:
         rules = (_budget, _unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts)
         rules += (_search_structures, _other_kind)
     elif not e.fit.stop.converged:
@@ -73,9 +73,9 @@ def against_the_record(e: Evaluation) -> bool:
 def _as_logged(result: Identification) -> NextStep | None:
     """A record whose output jumps as it was logged: no model describes that."""
     for a in result.advice:
-        said, _, how = a.action.rpartition(": ")
+        advice_text, _, fix = a.action.rpartition(": ")
         if a.topic == WRAPS:
-            return NextStep(f"{a.sentence}: {said}", how)
+            return NextStep(f"{a.sentence}: {advice_text}", fix)
         if a.topic == "outliers" and NO_VALUE in a.sentence:
             return NextStep(f"{a.sentence}: empty these cells, which are then missing samples", command(result))
     return None
@@ -94,21 +94,21 @@ _Rule = Callable[[Identification], NextStep | None]
 
 def _budget(result: Identification) -> NextStep | None:
     """A search for structures whose time ended before it had tried them all: it goes on from its journal."""
-    found = result.selection
-    if found is None or not found.cut:
+    selection = result.selection
+    if selection is None or not selection.cut:
         return None
-    return NextStep(found.cut, command(result, seconds=3.0 * found.budget))
+    return NextStep(selection.cut, command(result, seconds=3.0 * selection.budget))
 
 
 def _no_joint(result: Identification) -> NextStep | None:
     """The record is not that of a joint: a search over all structures, or, after one, a model without physics."""
-    said = result.evaluation.joint
-    open_ = said is not None and said.undetermined
-    why = "the record does not determine a joint" if open_ else "the record is not that of an actuated joint"
+    judgement = result.evaluation.joint
+    open_ = judgement is not None and judgement.undetermined
+    reason = "the record does not determine a joint" if open_ else "the record is not that of an actuated joint"
     if result.selection is None:
-        return NextStep(why, command(result, structure="auto"))
-    why = f"{why}, which the search chose"
-    return NextStep(why, command(result, structure=HammersteinWiener.name))
+        return NextStep(reason, command(result, structure="auto"))
+    reason = f"{reason}, which the search chose"
+    return NextStep(reason, command(result, structure=HammersteinWiener.name))
 
 
 def _ends(result: Identification) -> NextStep | None:
@@ -123,21 +123,21 @@ def _ends(result: Identification) -> NextStep | None:
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
-    why = "the output rests at its ends, and this model has no end stops"
-    return NextStep(why, command(result, structure=ActuatedJoint.name))
+    reason = "the output rests at its ends, and this model has no end stops"
+    return NextStep(reason, command(result, structure=ActuatedJoint.name))
 
 
 def _delay(result: Identification) -> NextStep | None:
     """Orders that cannot represent the delay of the record."""
     recipe = result.evaluation.setting.recipe
-    found = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
-    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not found:
+    delays = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
+    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays:
         return None
-    seen, nk = int(found[0]), recipe.orders["nk"]
-    if nk <= seen < nk + recipe.orders["nb"]:
+    delay, nk = int(delays[0]), recipe.orders["nk"]
+    if nk <= delay < nk + recipe.orders["nb"]:
         return None
-    why = f"the output responds after {seen} sample(s), but the model's delay is {nk}"
-    return NextStep(why, command(result, nk=seen))
+    reason = f"the output responds after {delay} sample(s), but the model's delay is {nk}"
+    return NextStep(reason, command(result, nk=delay))
 
 
 def _focus(result: Identification) -> NextStep | None:
@@ -161,20 +161,20 @@ def _coverage(result: Identification) -> NextStep | None:
     e = result.evaluation
     if result.plan.validation is not None or not extrapolated_signals(e.estimation, e.validation):
         return None
-    most = _outside(e.estimation, e.validation) / 4
+    limit = _outside(e.estimation, e.validation) / 4
     for split in SPLITS:
-        if split > result.split and _outside_after(result, split) <= most:
-            why = (
+        if split > result.split and _outside_after(result, split) <= limit:
+            reason = (
                 "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
             )
-            return NextStep(why, command(result, split=split))
+            return NextStep(reason, command(result, split=split))
     return None
 
 
 def _outside(estimation: IOData, validation: IOData) -> float:
     """The largest share over the signals of validation samples outside the range of the estimation data."""
-    seen, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
-    return float(np.mean((new < seen.min(axis=0)) | (new > seen.max(axis=0)), axis=0).max())
+    covered, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
+    return float(np.mean((new < covered.min(axis=0)) | (new > covered.max(axis=0)), axis=0).max())
 
 
 def _outside_after(result: Identification, split: float) -> float:
@@ -189,8 +189,8 @@ def _nonlinear(result: Identification) -> NextStep | None:
     linear = isinstance(result.evaluation.setting.recipe, OutputError)
     if not linear or result.selection is not None or not _nonlinear_record(result):
         return None
-    why = "the record is nonlinear, and this model is linear"
-    return NextStep(why, command(result, structure=HammersteinWiener.name))
+    reason = "the record is nonlinear, and this model is linear"
+    return NextStep(reason, command(result, structure=HammersteinWiener.name))
 
 
 def _nonlinear_record(result: Identification) -> bool:
@@ -201,12 +201,12 @@ def _more_starts(result: Identification) -> NextStep | None:
     """A search that stopped early or had few starts."""
     stop, starts = result.evaluation.fit.stop, result.evaluation.setting.starts
     if result.evaluation.setting.held.start is not None:
-        why = "the search began at one saved fit only"
-        return NextStep(why, command(result, starts=STARTS, anew=True))
+        reason = "the search began at one saved fit only"
+        return NextStep(reason, command(result, starts=STARTS, anew=True))
     if starts >= (STARTS if stop.converged else MOST_STARTS):
         return None
-    why = "the search had few starting points" if stop.converged else "the search did not converge"
-    return NextStep(f"{why} ({starts} starts)", command(result, starts=STARTS if stop.converged else MOST_STARTS))
+    reason = "the search had few starting points" if stop.converged else "the search did not converge"
+    return NextStep(f"{reason} ({starts} starts)", command(result, starts=STARTS if stop.converged else MOST_STARTS))
 
 
 def _general(result: Identification) -> NextStep | None:
@@ -221,16 +221,16 @@ def _search_structures(result: Identification) -> NextStep | None:
     e = result.evaluation
     if result.selection is not None:
         return None
-    why = "this structure does not explain the record"
+    reason = "this structure does not explain the record"
     if e.estimation_fit - e.validation_fit > OVERFITTED:
-        why = (
+        reason = (
             "the two parts of the record differ"
             if has_ample_samples(e.fit)
             else "the model is too large for this record"
         )
     elif e.validation_fit >= POOR:
-        why = "the residuals are coloured, so the model is incomplete"
-    return NextStep(why, command(result, structure="auto", starts=2))
+        reason = "the residuals are coloured, so the model is incomplete"
+    return NextStep(reason, command(result, structure="auto", starts=2))
 
 
 def _other_kind(result: Identification) -> NextStep | None:
@@ -274,19 +274,19 @@ def command(
         ("--seed", str(s.seed), "0"),
     ):
         words += [] if value == default else [option, value]
-    found = result.selection
-    if auto and found is not None and (seconds or found.budget) != SECONDS:
-        words += ["--seconds", f"{seconds or found.budget:g}"]
-    if seconds is not None and found is not None and found.journal is not None:
-        words += ["--resume", str(found.journal)]
+    selection = result.selection
+    if auto and selection is not None and (seconds or selection.budget) != SECONDS:
+        words += ["--seconds", f"{seconds or selection.budget:g}"]
+    if seconds is not None and selection is not None and selection.journal is not None:
+        words += ["--resume", str(selection.journal)]
     return shlex.join(words)
 
 
 def _given(plan: Plan) -> list[str]:
     """The options of what came before the fit, but the share and the offsets."""
     words = list(replace(plan.preparation, detrend=None).options())
-    other = plan.validation
-    for path in () if other is None else other.files or (other.path,):
+    validation = plan.validation
+    for path in () if validation is None else validation.files or (validation.path,):
         words += ["--validation", str(path)]
     return words
 
@@ -308,10 +308,10 @@ def advice_after_fit(advice: Advice, fitted: str, percent: float) -> Advice:
     `percent` is the fit in validation. A delay keeps its action, which names other orders of the same structure.
     """
     words = advice.command
-    named = words[words.index("--structure") + 1] if "--structure" in words else ""
-    if not named or advice.topic == "delay":
+    advised_structure = words[words.index("--structure") + 1] if "--structure" in words else ""
+    if not advised_structure or advice.topic == "delay":
         return advice
-    weaker = _CLASSES.get(named, _RICHER) < _CLASSES.get(fitted, _RICHER)
-    if named != fitted and not (weaker and percent >= POOR):
+    weaker = _CLASSES.get(advised_structure, _RICHER) < _CLASSES.get(fitted, _RICHER)
+    if advised_structure != fitted and not (weaker and percent >= POOR):
         return advice
     return replace(advice, action="", call="", command=())

@@ -32,8 +32,8 @@ class Plan:
 
     def in_words(self) -> str:
         """Where the offsets that were removed come from."""
-        of = "over the whole record" if self.validation is None else "over the estimation data"
-        return "levels before the first movement" if self.detrend == "steady" else f"means {of}"
+        span = "over the whole record" if self.validation is None else "over the estimation data"
+        return "levels before the first movement" if self.detrend == "steady" else f"means {span}"
 
     def parts(self, data: IOData) -> tuple[IOData, IOData]:
         """Estimation and validation data of a prepared record.
@@ -43,48 +43,52 @@ class Plan:
         """
         if self.validation is None:
             return quick_start(data, self.split, self.detrend)
-        other = self.validation.data
+        validation = self.validation.data
         if self.detrend == "none":
-            return data, other
+            return data, validation
         trend = Trend.of(data, self.detrend)
-        return trend.remove(data), (trend if self.detrend in CONSTANT else Trend.of(other, self.detrend)).remove(other)
+        return trend.remove(data), (trend if self.detrend in CONSTANT else Trend.of(validation, self.detrend)).remove(
+            validation
+        )
 
 
 def prepare_record(record: Record, preparation: Preparation) -> Record:
     """The record after every step but the detrending, with a remark for each that changed it."""
-    data, said = replace(preparation, detrend=None).steps(record.data)
-    return record if not said else replace(record, data=data, remarks=(*record.remarks, *said))
+    data, sentences = replace(preparation, detrend=None).steps(record.data)
+    return record if not sentences else replace(record, data=data, remarks=(*record.remarks, *sentences))
 
 
 def merge_records(records: Sequence[Record]) -> Record:
     """One record whose experiments are these; raises InputError where channels, units or sampling times differ."""
-    first, *others = records
-    if not others:
+    first, *further_records = records
+    if not further_records:
         return first
-    for other in others:
+    for other in further_records:
         _check_alike(first, other)
     data = IOData.merge(*(replace(record.data, Ts=first.data.Ts) for record in records))
     files = tuple(record.path for record in records)
     sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
-    said = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
+    summary = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
     levels = _levels(records)
-    theirs = (f"{record.path.name}: {note}" for record in others for note in record.notes if note not in first.notes)
-    return replace(first, data=data, files=files, remarks=(*first.remarks, said, *levels, *theirs))
+    further_notes = (
+        f"{record.path.name}: {note}" for record in further_records for note in record.notes if note not in first.notes
+    )
+    return replace(first, data=data, files=files, remarks=(*first.remarks, summary, *levels, *further_notes))
 
 
 def _levels(records: Sequence[Record]) -> tuple[str, ...]:
     """A remark if the levels of the files differ so much that they may count from different zeros."""
-    found = []
+    roles = []
     for role in ("u", "y"):
         values = [getattr(record.data, role) for record in records]
-        means = np.array([np.nanmean(each, axis=0) for each in values])
-        inside = np.sqrt(np.mean([np.nanvar(each, axis=0) for each in values], axis=0))
-        if (np.ptp(means, axis=0) > APART * np.maximum(inside, 1e-300)).any():
-            found.append("inputs" if role == "u" else "outputs")
-    if not found:
+        means = np.array([np.nanmean(signal, axis=0) for signal in values])
+        deviation = np.sqrt(np.mean([np.nanvar(signal, axis=0) for signal in values], axis=0))
+        if (np.ptp(means, axis=0) > APART * np.maximum(deviation, 1e-300)).any():
+            roles.append("inputs" if role == "u" else "outputs")
+    if not roles:
         return ()
     return (
-        f"the levels of the {' and '.join(found)} differ from file to file by more than they move within one, and one "
+        f"the levels of the {' and '.join(roles)} differ from file to file by more than they move within one, and one "
         "zero is taken from all; where each file has a zero of its own, subtract it from each file first",
     )
 
@@ -96,11 +100,11 @@ def check_same_channels(first: Record, other: Record) -> None:
 
 def paths_from(texts: Sequence[str]) -> tuple[Path, ...]:
     """Paths from texts, each of which is a file or several with commas between them."""
-    found: list[Path] = []
+    paths: list[Path] = []
     for text in texts:
         parts = [text] if Path(text).exists() else [part.strip() for part in text.split(",")]
-        found += [Path(part) for part in parts if part]
-    return tuple(found)
+        paths += [Path(part) for part in parts if part]
+    return tuple(paths)
 
 
 def _check_alike(first: Record, other: Record) -> None:
@@ -111,15 +115,17 @@ def _check_alike(first: Record, other: Record) -> None:
             f"{other.path} has {shapes[1][0]} input(s) and {shapes[1][1]} output(s), {first.path} {shapes[0][0]} and "
             f"{shapes[0][1]}; name the same columns with --input and --output"
         )
-    for role, one, two in (
+    for role, first_signals, second_signals in (
         ("input", first.signals.input, other.signals.input),
         ("output", first.signals.output, other.signals.output),
     ):
-        for mine, theirs in zip(one, two, strict=True):
-            if mine.unit != theirs.unit:
+        for first_signal, second_signal in zip(first_signals, second_signals, strict=True):
+            if first_signal.unit != second_signal.unit:
                 raise InputError(
-                    f"the {role} {theirs.column!r} of {other.path} is in {theirs.unit or 'no unit'}, {mine.column!r} "
-                    f"of {first.path} in {mine.unit or 'no unit'}; name the columns with --{role}, or the unit with "
+                    f"the {role} {second_signal.column!r} of {other.path} is in {second_signal.unit or 'no unit'}, "
+                    f"{first_signal.column!r} "
+                    f"of {first.path} in {first_signal.unit or 'no unit'}; name the columns with --{role}, or the "
+                    "unit with "
                     "--map"
                 )
     if abs(a.Ts - b.Ts) > SAME * a.Ts:

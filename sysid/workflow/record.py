@@ -54,16 +54,16 @@ class Record:
 
         Several files and channels have lists of their own.
         """
-        several: dict = {}
+        lists: dict = {}
         if len(self.files) > 1:
             lengths = zip(self.files, self.data.lengths, strict=True)
-            several["experiments"] = [{"file": str(path), "samples": n} for path, n in lengths]
+            lists["experiments"] = [{"file": str(path), "samples": n} for path, n in lengths]
         if self.data.u.shape[1] > 1 or self.data.y.shape[1] > 1:
             roles = (("input", self.signals.input), ("output", self.signals.output))
-            several["channels"] = [
+            lists["channels"] = [
                 {"role": role, "column": s.column, "name": s.name, "unit": s.unit}
-                for role, found in roles
-                for s in found
+                for role, role_signals in roles
+                for s in role_signals
             ]
         return {
             "file": str(self.path),
@@ -76,7 +76,7 @@ class Record:
             "notes": list(self.notes),
             "repairs": dict(self.signals.counts),
             "mapping": self.signals.as_dict()["mapping"],
-            **several,
+            **lists,
         }
 
 
@@ -103,20 +103,24 @@ def read_record(
     check_given(Given(input, output, time, time_unit, Ts), mapping)
     table = read_table(path)
     u, y = (columns(text, table.names) for text in (input, output))
-    more = {"input": u[1:], "output": y[1:]} if len(u) > 1 or len(y) > 1 else None
-    given = Given(u[0] if u else None, y[0] if y else None, time, time_unit, Ts, more)
+    further_columns = {"input": u[1:], "output": y[1:]} if len(u) > 1 or len(y) > 1 else None
+    given = Given(u[0] if u else None, y[0] if y else None, time, time_unit, Ts, further_columns)
     if mapping is not None:
-        chosen = read_map_of(mapping)
+        channel_map = read_map_of(mapping)
         if range != Range():
-            chosen = chosen.model_copy(update={"range": range.model_copy(update={"active": chosen.range.active})})
-        signals = sample(table, chosen)
+            channel_map = channel_map.model_copy(
+                update={"range": range.model_copy(update={"active": channel_map.range.active})}
+            )
+        signals = sample(table, channel_map)
     else:
         signals = from_table(table, given, range, "refuse" if missing == "refuse" else "outputs")
     path = table.path
     del table  # its clock is not needed any more, and a long record has no room for it
     data = signals.io()
     check_moving(signals, data)
-    inputs, outputs = (",".join(signal.column for signal in found) for found in (signals.input, signals.output))
+    inputs, outputs = (
+        ",".join(signal.column for signal in role_signals) for role_signals in (signals.input, signals.output)
+    )
     options = _options(given, mapping, range, signals)
     clock = signals.mapping.clock.column or None
     return Record(path, data, inputs, outputs, clock, signals, options, _numbered(signals))
@@ -126,10 +130,10 @@ def columns(text: str | None, names: Sequence[str]) -> tuple[str, ...]:
     """The columns that "a,b" names, none for None; a text that is a column's name as a whole is that one."""
     if text is None:
         return ()
-    found = (text,) if text in names else tuple(part.strip() for part in text.split(",") if part.strip())
-    if len(set(found)) < len(found) or not found:
+    names_found = (text,) if text in names else tuple(part.strip() for part in text.split(",") if part.strip())
+    if len(set(names_found)) < len(names_found) or not names_found:
         raise InputError(f"the columns {text!r} name one twice, or none; give each once")
-    return found
+    return names_found
 
 
 def check_given(given: Given, mapping: Mapping | None) -> None:
@@ -150,23 +154,23 @@ def check_given(given: Given, mapping: Mapping | None) -> None:
 
 def _numbered(signals: Signals) -> tuple[str, ...]:
     """A sentence for the names u1, u2 by which others call several channels."""
-    said = (
-        f"{', '.join(f'{letter}{k}' for k in range(1, len(found) + 1))} are the columns "
-        + ", ".join(repr(signal.column) for signal in found)
-        for letter, found in (("u", signals.input), ("y", signals.output))
-        if len(found) > 1
+    sentences = (
+        f"{', '.join(f'{letter}{k}' for k in range(1, len(role_signals) + 1))} are the columns "
+        + ", ".join(repr(signal.column) for signal in role_signals)
+        for letter, role_signals in (("u", signals.input), ("y", signals.output))
+        if len(role_signals) > 1
     )
-    return tuple(said)
+    return tuple(sentences)
 
 
 def _options(given: Given, mapping: Mapping | None, range: Range, signals: Signals) -> tuple[str, ...]:
     words: list[str] = []
-    more = given.more or {}
+    further_columns = given.more or {}
     if mapping is not None:
         words += ["--map", "MAP.toml" if hasattr(mapping, "clock") else str(mapping)]
     for option, value in (
-        ("--input", given.input and ",".join([given.input, *more.get("input", ())])),
-        ("--output", given.output and ",".join([given.output, *more.get("output", ())])),
+        ("--input", given.input and ",".join([given.input, *further_columns.get("input", ())])),
+        ("--output", given.output and ",".join([given.output, *further_columns.get("output", ())])),
         ("--time", given.time),
         ("--time-unit", given.time_unit),
         ("--ts", None if given.Ts is None or given.time is not None else f"{signals.Ts:.9g}"),
@@ -229,10 +233,10 @@ def words_for_python(sentence: str) -> str:
     return re.sub(r"--(input|output|ts|time-unit|time|map)\b( is)?", _argument, sentence)
 
 
-def _argument(found: re.Match) -> str:
+def _argument(match: re.Match) -> str:
     """Ts= for --ts, and Ts where the sentence says what it is."""
-    name = _ARGUMENTS.get(found[1], found[1])
-    return f"{name} is" if found[2] else f"{name}="
+    name = _ARGUMENTS.get(match[1], match[1])
+    return f"{name} is" if match[2] else f"{name}="
 
 
 def without_wraps(record: Record) -> Record:
@@ -242,12 +246,12 @@ def without_wraps(record: Record) -> Record:
     goes the shorter way at each of its jumps and begins within half a turn of the angle.
     """
     data = record.data
-    found = unwrapped(data, turn_of(data) if data.y_unit in ("rad", *DEGREES) else None)
-    if not found.count:
+    wraps = unwrapped(data, turn_of(data) if data.y_unit in ("rad", *DEGREES) else None)
+    if not wraps.count:
         return record
-    out, note = found.data, f"column {record.output!r}: {found.sentence}"
+    out, note = wraps.data, f"column {record.output!r}: {wraps.sentence}"
     if data.u_unit == data.y_unit and data.u_unit in ("rad", *DEGREES):
-        out = replace(out, u=_follow_goal(data, found.turn))
+        out = replace(out, u=_follow_goal(data, wraps.turn))
     return replace(record, data=out, remarks=(*record.remarks, note))
 
 
@@ -264,14 +268,14 @@ def in_unit_of(record: Record, recipe: Recipe) -> tuple[Recipe, Record]:
     """
     unit = record.signals.mapping.output[0].unit
     factor = convert(unit).factor
-    scaled = recipe.scaled(factor) if factor != 1.0 else recipe
-    changed = [name for name, value in _numbers(recipe).items() if _numbers(scaled)[name] != value]
-    if not changed:
+    scaled_recipe = recipe.scaled(factor) if factor != 1.0 else recipe
+    changed_names = [name for name, value in _numbers(recipe).items() if _numbers(scaled_recipe)[name] != value]
+    if not changed_names:
         return recipe, record
-    names = " and ".join(f"--{name.replace('_', '-')}" for name in changed)
-    verb = "counts" if len(changed) == 1 else "count"
+    names = " and ".join(f"--{name.replace('_', '-')}" for name in changed_names)
+    verb = "counts" if len(changed_names) == 1 else "count"
     note = f"{names} {verb} in the unit of column {record.output!r}, {unit}"
-    return scaled, replace(record, remarks=(*record.remarks, note))
+    return scaled_recipe, replace(record, remarks=(*record.remarks, note))
 
 
 def _numbers(recipe: Recipe) -> dict[str, Any]:

@@ -27,37 +27,38 @@ def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: 
     if not way:
         return []
     y, u = estimation.y_name, estimation.u_name
-    seen = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
+    observation = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
     q = display_quantity("", estimation.y_unit if estimation.u_unit else "")
     unit = f" {q.unit}/{estimation.u_unit}" if q.unit else ""
-    found = []
+    remarks = []
     if direction(validation, run) == -way:
-        found.append(f"the free run has {WRONG}: {seen}, and the model does the opposite")
+        remarks.append(f"the free run has {WRONG}: {observation}, and the model does the opposite")
     if step is not None and step[-1] * way < 0.0 and abs(step[-1]) > _SETTLED * float(np.max(np.abs(step))):
         gain = f"{step[-1] * q.factor:.3g}{unit}"
-        found.append(
-            f"the steady-state gain of the model at the mean input, {gain}, has {WRONG}: {seen}; do not design with "
+        remarks.append(
+            f"the steady-state gain of the model at the mean input, {gain}, has {WRONG}: {observation}; do not "
+            "design with "
             "this model"
         )
-    return found if found and confirmed(estimation, way) else []
+    return remarks if remarks and confirmed(estimation, way) else []
 
 
 def extrapolated_signals(estimation: IOData, validation: IOData) -> list[str]:
     """One sentence for each signal of the validation data that leaves the range of the estimation data."""
     notes = []
-    for name, unit, seen, new, offset in (
+    for name, unit, covered, new, offset in (
         *_signals(estimation, validation, "u"),
         *_signals(estimation, validation, "y"),
     ):
-        low, high = float(seen.min()), float(seen.max())
-        outside = float(np.mean((new < low) | (new > high)))
+        low, high = float(covered.min()), float(covered.max())
+        share_outside = float(np.mean((new < low) | (new > high)))
         if max(low - new.min(), new.max() - high) > EXTRAPOLATED * (high - low):
             q = display_quantity("", unit)
             pairs = ((q.factor * (a + offset), q.factor * (b + offset)) for a, b in ((low, high), _range(new)))
             ranges = [f"{a:.4g} to {b:.4g} {q.unit}".strip() for a, b in pairs]
             notes.append(
                 f"{name} was seen from {ranges[0]} and goes from {ranges[1]} in the validation data "
-                f"({100 * outside:.1f} % of the samples outside): the model extrapolates there"
+                f"({100 * share_outside:.1f} % of the samples outside): the model extrapolates there"
             )
     return notes
 
@@ -66,10 +67,10 @@ def _signals(
     estimation: IOData, validation: IOData, role: str
 ) -> Iterator[tuple[str, str, np.ndarray, np.ndarray, float]]:
     """Name, unit, values in both parts and removed offset of every channel of a role, "u" or "y"."""
-    name, unit, offsets = (getattr(estimation, f"{role}_{what}") for what in ("name", "unit", "offset"))
-    seen, new = getattr(estimation, role), getattr(validation, role)
+    name, unit, offsets = (getattr(estimation, f"{role}_{attribute}") for attribute in ("name", "unit", "offset"))
+    covered, new = getattr(estimation, role), getattr(validation, role)
     for k, offset in enumerate(offsets):
-        yield name if len(offsets) == 1 else f"{role}{k + 1}", unit, seen[:, k], new[:, k], float(offset)
+        yield name if len(offsets) == 1 else f"{role}{k + 1}", unit, covered[:, k], new[:, k], float(offset)
 
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
@@ -87,21 +88,22 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
         return extrapolated_signals(estimation, validation)
     if all(met):
         return []
-    seen, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
+    covered, new, offset = estimation.y[:, 0], validation.y[:, 0], estimation.y_offset[0]
     q = display_quantity(estimation.y_name, estimation.y_unit)
     low, high = sorted(map(float, fit.model.part(fit.theta, travel)[:2]))
-    a, b = _range(seen)
-    left = [
+    a, b = _range(covered)
+    distances = [
         f"{100 * max(gap, 0.0) / (high - low):.1f} % of the travel to {q.factor * (end + offset):.4g} {q.unit}".strip()
-        for gap, end, there in ((a - low, low, met[0]), (high - b, high, met[1]))
-        if not there
+        for gap, end, is_met in ((a - low, low, met[0]), (high - b, high, met[1]))
+        if not is_met
     ]
-    which = "reached neither end" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end"
-    outside = 100 * float(np.mean((new < a) | (new > b)))
+    ends_in_words = "reached neither end" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end"
+    percent_outside = 100 * float(np.mean((new < a) | (new > b)))
     return [
         f"{q.name} was seen from {q.factor * (a + offset):.4g} to {q.factor * (b + offset):.4g} {q.unit}".rstrip()
-        + f" and {which}; outside this range the model continues its map as a straight line ({' and '.join(left)}) to "
-        f"a stop that the data do not show; {outside:.1f} % of the validation samples are outside this range"
+        + f" and {ends_in_words}; outside this range the model continues its map as a straight line "
+        f"({' and '.join(distances)}) to "
+        f"a stop that the data do not show; {percent_outside:.1f} % of the validation samples are outside this range"
     ]
 
 

@@ -129,8 +129,8 @@ class Evaluation:
             return bool(np.all(np.abs(self.poles) < 1.0))
         y = np.concatenate([self.estimation.y, self.validation.y])
         run = np.concatenate([self.estimation_output, self.validation_output]).reshape(y.shape)
-        away = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))
-        return bool(np.all(away.max(axis=0) <= RUNAWAY * np.ptp(y, axis=0)))
+        distance = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))
+        return bool(np.all(distance.max(axis=0) <= RUNAWAY * np.ptp(y, axis=0)))
 
     def as_dict(self) -> dict[str, Any]:
         """The summary, ready for JSON."""
@@ -218,13 +218,13 @@ class Identification:
 
     def _prepared(self) -> dict[str, Any]:
         """How the record was prepared and split; what was not asked for is left out."""
-        plan, other = self.plan, self.plan.validation
-        found: dict[str, Any] = {"split": plan.split if other is None else None, "detrend": plan.detrend}
+        plan, validation = self.plan, self.plan.validation
+        summary: dict[str, Any] = {"split": plan.split if validation is None else None, "detrend": plan.detrend}
         if plan.preparation.options():
-            found["prepared"] = list(plan.preparation.options())
-        if other is not None:
-            found["validation"] = other.as_dict()
-        return found
+            summary["prepared"] = list(plan.preparation.options())
+        if validation is not None:
+            summary["validation"] = validation.as_dict()
+        return summary
 
 
 def named_channels(e: Evaluation, signals: Signals) -> Evaluation:
@@ -232,7 +232,8 @@ def named_channels(e: Evaluation, signals: Signals) -> Evaluation:
     if not e.outputs:
         return e
     names = [
-        _distinct_names([s.name for s in found], [s.column for s in found]) for found in (signals.input, signals.output)
+        _distinct_names([s.name for s in role_signals], [s.column for s in role_signals])
+        for role_signals in (signals.input, signals.output)
     ]
     outputs = zip(e.outputs, names[1], signals.output, strict=True)
     return replace(
@@ -261,23 +262,24 @@ def single_channels(e: Evaluation, section: str) -> list[tuple[str, str, Evaluat
 
 def _single_channel(e: Evaluation, k: int, section: str) -> tuple[str, str, Evaluation]:
     i, j = min(k, e.estimation.u.shape[1] - 1), min(k, len(e.outputs) - 1)
-    own = e.outputs[j]
+    single_output = e.outputs[j]
     estimation, validation = (
-        one_channel(data, i, j, e.inputs[i], (own.name, own.unit)) for data in (e.estimation, e.validation)
+        one_channel(data, i, j, e.inputs[i], (single_output.name, single_output.unit))
+        for data in (e.estimation, e.validation)
     )
-    shown = replace(
+    view = replace(
         e,
         estimation=estimation,
         validation=validation,
         estimation_output=e.estimation_output.reshape(e.estimation.N, -1)[:, j],
         validation_output=e.validation_output.reshape(e.validation.N, -1)[:, j],
-        estimation_fit=own.estimation_fit,
-        validation_fit=own.validation_fit,
-        tests=own.tests,
+        estimation_fit=single_output.estimation_fit,
+        validation_fit=single_output.validation_fit,
+        tests=single_output.tests,
         outputs=(),
     )
-    words = f"{e.inputs[i][0]} and {own.name}: " if section == "Data" else f"{own.name}: "
-    return f"-{k + 1}", words, shown
+    words = f"{e.inputs[i][0]} and {single_output.name}: " if section == "Data" else f"{single_output.name}: "
+    return f"-{k + 1}", words, view
 
 
 def one_channel(data: IOData, i: int, j: int, u: tuple[str, str], y: tuple[str, str]) -> IOData:

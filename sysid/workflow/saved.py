@@ -66,18 +66,18 @@ def _with_warnings(evaluation: Evaluation) -> Fit | NlarxFit:
 
     The record does not travel with the file; whoever takes the model from there would not know.
     """
-    fit, told = evaluation.fit, evaluation.estimation_fit
-    why = (
+    fit, estimation_fit = evaluation.fit, evaluation.estimation_fit
+    reasons = (
         [f"the free run fits the validation data to {percent(evaluation.validation_fit)}"]
         if poor(evaluation.validation_fit, evaluation.tests)
         else []
     )
-    why += [note for note in evaluation.notes if WRONG in note and note not in fit.warnings]
-    if why:
-        fit = replace(fit, warnings=(f"{UNFIT}{'; '.join(why)}", *fit.warnings))
-    if fit.origin is None or not isfinite(told):
+    reasons += [note for note in evaluation.notes if WRONG in note and note not in fit.warnings]
+    if reasons:
+        fit = replace(fit, warnings=(f"{UNFIT}{'; '.join(reasons)}", *fit.warnings))
+    if fit.origin is None or not isfinite(estimation_fit):
         return fit
-    return replace(fit, origin=replace(fit.origin, fit=told))
+    return replace(fit, origin=replace(fit.origin, fit=estimation_fit))
 
 
 @dataclass(frozen=True)
@@ -134,13 +134,18 @@ def load_models(paths: list[str]) -> list[Saved]:
 
 def check_order(verb: str, models: list[str], record: str) -> None:
     """Raises InputError, with the command as it is meant, where a log stands among the models and a model last."""
-    given = [*models, record]
-    logs = [path for path in given if Path(path).suffix.lower() in TABLE and Path(path).suffix.lower() != ".json"]
-    others = [path for path in given if path not in logs]
-    if len(logs) == 1 and logs[0] != record and others and all(Path(path).suffix.lower() == ".json" for path in others):
+    paths = [*models, record]
+    logs = [path for path in paths if Path(path).suffix.lower() in TABLE and Path(path).suffix.lower() != ".json"]
+    models_first = [path for path in paths if path not in logs]
+    if (
+        len(logs) == 1
+        and logs[0] != record
+        and models_first
+        and all(Path(path).suffix.lower() == ".json" for path in models_first)
+    ):
         raise InputError(
             f"{logs[0]} is a log by its suffix, and the log stands last, after the models: "
-            f"{shlex.join(['qpal', verb, *others, logs[0]])}"
+            f"{shlex.join(['qpal', verb, *models_first, logs[0]])}"
         )
 
 
@@ -189,24 +194,24 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
                 f"{record.path}: the record is sampled every {data.Ts:g} s and the model every {fit.Ts:g} s; add "
                 "--resample to bring the record to the model's sampling time, or identify a model at the record's"
             )
-        done = resample(data, fit.Ts, "held")
-        data = done.data
-        notes.append(done.sentence)
+        resampled = resample(data, fit.Ts, "held")
+        data = resampled.data
+        notes.append(resampled.sentence)
     if reading.detrend != "none":
         data = detrend(data, reading.detrend)
         notes.append("means removed from the record")
     if fit.u_offset is None:
-        what = "" if reading.detrend != "none" else "; prepare the record alike, with --detrend mean or linear"
+        advice = "" if reading.detrend != "none" else "; prepare the record alike, with --detrend mean or linear"
         notes.append(
             "the model's file has no offsets (a line or what is slow was removed from its estimation data, or an "
-            f"earlier version saved it), so it runs on the record as it is{what}"
+            f"earlier version saved it), so it runs on the record as it is{advice}"
         )
     return data, tuple(notes)
 
 
 def _check_channels(fit: AnyFit, record: Record) -> None:
-    wanted = (1, 1) if isinstance(fit, NlarxFit) else fit.model.channels
-    for role, n, values in (("input", wanted[0], record.data.u), ("output", wanted[1], record.data.y)):
+    counts = (1, 1) if isinstance(fit, NlarxFit) else fit.model.channels
+    for role, n, values in (("input", counts[0], record.data.u), ("output", counts[1], record.data.y)):
         if values.shape[1] != n:
             raise InputError(
                 f"{record.path}: {values.shape[1]} {role}(s) are read and the model has {n}; name as many columns with "
@@ -216,43 +221,46 @@ def _check_channels(fit: AnyFit, record: Record) -> None:
 
 def _check_units(fit: AnyFit, record: Record) -> None:
     """A model in volts per degree on a record in radians gives numbers without any meaning."""
-    other = None if fit.origin is None else fit.origin.other_unit(record.data)
-    if other is not None:
-        role, now, was = other
+    difference = None if fit.origin is None else fit.origin.other_unit(record.data)
+    if difference is not None:
+        role, record_unit, model_unit = difference
         raise InputError(
-            f"{record.path}: the {role} is in {now} and the model's in {was}; choose the column with --{role}, or name "
+            f"{record.path}: the {role} is in {record_unit} and the model's in {model_unit}; choose the column with "
+            f"--{role}, or name "
             f"its unit in a mapping, see qpal info {record.path} --write-map MAP.toml"
         )
 
 
 def remarks(fit: AnyFit, data: IOData) -> list[str]:
     """What a reader of this free run should know: inputs beyond the estimation data's, runs that leave it."""
-    own, said = fit.own_level(data), []
+    levelled, sentences = fit.own_level(data), []
     low, high = fit.u_span
     if high > low:
-        far = _OUTSIDE * (high - low)
-        outside = float(np.mean((own.u < low - far) | (own.u > high + far)))
-        if outside:
+        margin = _OUTSIDE * (high - low)
+        share_outside = float(np.mean((levelled.u < low - margin) | (levelled.u > high + margin)))
+        if share_outside:
             shift = 0.0 if fit.u_offset is None or len(fit.u_offset) > 1 else float(fit.u_offset[0])
             unit = f" {data.u_unit}" if data.u_unit else ""
-            said.append(
-                f"{100 * outside:.1f} % of the input's samples lie outside {low + shift:.4g} to {high + shift:.4g}"
+            sentences.append(
+                f"{100 * share_outside:.1f} % of the input's samples lie outside {low + shift:.4g} to "
+                f"{high + shift:.4g}"
                 f"{unit}, which the estimation data cover: the model extrapolates there"
             )
-    found = fit.divergence(data)
+    trouble = fit.divergence(data)
     if isinstance(fit, NlarxFit):
-        found = found or fit.excursion(data)
+        trouble = trouble or fit.excursion(data)
     else:
-        said += fit.model.remarks(fit.theta, own.u)
-    return [*said, found] if found else said
+        sentences += fit.model.remarks(fit.theta, levelled.u)
+    return [*sentences, trouble] if trouble else sentences
 
 
-def fell(before: float | None, now: float, most: float = 10.0) -> str | None:
+def fell(estimation_percent: float | None, record_percent: float, most: float = 10.0) -> str | None:
     """A sentence where the fit [%] is far below that of the estimation data; None where it is not, or not known."""
-    if before is None or not np.isfinite(now) or before - now <= most:
+    if estimation_percent is None or not np.isfinite(record_percent) or estimation_percent - record_percent <= most:
         return None
     return (
-        f"the fit on the estimation data was {percent(before)}: this record shows what those data did not, or the two "
+        f"the fit on the estimation data was {percent(estimation_percent)}: this record shows what those data did "
+        "not, or the two "
         "do not come from the same plant"
     )
 

@@ -62,8 +62,8 @@ class Held:
     def missing_in(self, chain: Chain) -> tuple[str, ...]:
         """A sentence if a grown model has parameters of these no more."""
         names = [*(name for name, _ in self.fixed), *(name for name, _ in self.bounds)]
-        gone = [name for name in names if name not in chain.names and chain.block(name) is None]
-        return (f"the joint has grown without {', '.join(gone)}, so nothing is held there",) if gone else ()
+        missing = [name for name in names if name not in chain.names and chain.block(name) is None]
+        return (f"the joint has grown without {', '.join(missing)}, so nothing is held there",) if missing else ()
 
     def apply(self, chain: Any, data: IOData, grown: bool = False) -> tuple[Any, np.ndarray | None]:
         """The model with all this, and its starting point theta (P,) if there is a saved fit.
@@ -83,18 +83,21 @@ class Held:
         theta = None
         if self.start is not None:
             self._check_rate(data)
-            as_saved = grown and chain.structure == self.start.model.structure
-            chain, theta = (self.start.model, self.start.theta) if as_saved else started(chain, self.start, data)
+            keeps_saved_model = grown and chain.structure == self.start.model.structure
+            chain, theta = (
+                (self.start.model, self.start.theta) if keeps_saved_model else started(chain, self.start, data)
+            )
         fixed, bounds = dict(chain.fixed), dict(chain.bounds)
         fixed |= self._values(chain, theta)
         slots = dict(zip(chain.names, chain.slots, strict=True))
         for name, (low, high) in self.bounds:
             _check_name(chain, name, "--bound")
-            own = slots[name]
-            bounds[name] = max(low, own.lower), min(high, own.upper)
+            slot = slots[name]
+            bounds[name] = max(low, slot.lower), min(high, slot.upper)
             if not bounds[name][0] < bounds[name][1]:
                 raise InputError(
-                    f"--bound {name} is {low:g} to {high:g}; {name} lies between {own.lower:g} and {own.upper:g}: give "
+                    f"--bound {name} is {low:g} to {high:g}; {name} lies between {slot.lower:g} and {slot.upper:g}: "
+                    "give "
                     "bounds in there, the smaller first"
                 )
         for name, value in fixed.items():
@@ -108,7 +111,7 @@ class Held:
 
     def _values(self, chain: Chain, theta: np.ndarray | None) -> dict[str, float]:
         """The held parameters by name."""
-        found: dict[str, float] = {}
+        values: dict[str, float] = {}
         for name, value in self.fixed:
             block = chain.block(name)
             if block is None:
@@ -116,15 +119,15 @@ class Held:
             elif value is not None:
                 raise InputError(f"--fix {name}={value:g} names a whole block; name a parameter: {_named(chain)}")
             if value is not None:
-                found[name] = value
+                values[name] = value
                 continue
             if theta is None:
                 raise InputError(
                     f"--fix {name} has no value; give {_example(chain, name)}=VALUE, or a start with --from"
                 )
-            own = [name] if block is None else [f"{name}.{s.name}" for s in block.slots() if not s.initial]
-            found |= {each: float(theta[chain.names.index(each)]) for each in own}
-        return found
+            parameters = [name] if block is None else [f"{name}.{s.name}" for s in block.slots() if not s.initial]
+            values |= {parameter: float(theta[chain.names.index(parameter)]) for parameter in parameters}
+        return values
 
     def _check_rate(self, data: IOData) -> None:
         assert self.start is not None
@@ -137,10 +140,10 @@ class Held:
 
 def read_start(path: str) -> Fit:
     """The saved fit at `path`; raises InputError for a nonlinear ARX model, which cannot start a fit."""
-    found = load(path)
-    if not isinstance(found, Fit):
+    fit = load(path)
+    if not isinstance(fit, Fit):
         raise InputError(f"{path}: a nonlinear ARX model cannot start a fit; give a model of blocks")
-    return found
+    return fit
 
 
 def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
@@ -148,22 +151,25 @@ def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
 
     Raises InputError if the saved model has neither the same parameters nor the linear filter of this one.
     """
-    saved = start.model
-    if saved.structure == chain.structure and (saved.blocks == chain.blocks or _same_space(saved, chain)):
-        return replace(saved, fixed=chain.fixed, bounds=chain.bounds), start.theta
+    saved_chain = start.model
+    if saved_chain.structure == chain.structure and (
+        saved_chain.blocks == chain.blocks or _same_space(saved_chain, chain)
+    ):
+        return replace(saved_chain, fixed=chain.fixed, bounds=chain.bounds), start.theta
     linear = [block for block in chain.blocks if not isinstance(block, (StaticBlock, Channels))]
-    if saved.structure == "output_error" and len(linear) == 1 and saved.blocks[0] == linear[0]:
+    if saved_chain.structure == "output_error" and len(linear) == 1 and saved_chain.blocks[0] == linear[0]:
         return chain, _straight(chain, start, data)
     raise InputError(
-        f"--from names a model of structure {saved.structure} with {_orders(saved)}, and the model to fit is of "
+        f"--from names a model of structure {saved_chain.structure} with {_orders(saved_chain)}, and the model to "
+        "fit is of "
         f"{chain.structure} with {_orders(chain)}; give the orders and maps of the saved one, or none: a saved "
         "output_error starts structures that have its filter between static maps"
     )
 
 
-def _same_space(saved: Chain, chain: Chain) -> bool:
+def _same_space(saved_chain: Chain, chain: Chain) -> bool:
     """Whether both are state spaces of one size, which differ in the scale of their records."""
-    return isinstance(saved.blocks[0], StateSpace) and saved.names == chain.names
+    return isinstance(saved_chain.blocks[0], StateSpace) and saved_chain.names == chain.names
 
 
 def _straight(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
@@ -182,29 +188,29 @@ def _straight(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
 def _lines(block: StaticBlock | Channels, x: np.ndarray) -> np.ndarray:
     """The parameters of maps that leave x (N, n) as it is, as far as they can."""
     if isinstance(block, Channels):
-        return np.concatenate([each.start(column) for each, column in zip(block.maps, x.T, strict=True)])
+        return np.concatenate([part_map.start(column) for part_map, column in zip(block.maps, x.T, strict=True)])
     return block.start(x[:, 0])
 
 
 def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:
     """The settings of a recipe that a saved fit shows: of its own structure, else the orders of its filter."""
-    chain, known = fit.model, dict[str, Any]()
+    chain, settings = fit.model, dict[str, Any]()
     orders = kind.of_kind("order")
     if orders == ("nb", "nf", "nk") and chain.dynamics:
         first = chain.dynamics[0][1]
-        known = {"nb": first.nb, "nf": first.nf, "nk": first.nk}
+        settings = {"nb": first.nb, "nf": first.nf, "nk": first.nk}
     if kind.name != chain.structure:
-        return known
+        return settings
     space = chain.blocks[0]
     if isinstance(space, StateSpace) and "nx" in orders:
-        known = {"nx": space.nx, "units": space.units, "degree": space.degree, "spread": space.spread}
-        known["readout"] = "network" if space.readout else "linear"
+        settings = {"nx": space.nx, "units": space.units, "degree": space.degree, "spread": space.spread}
+        settings["readout"] = "network" if space.readout else "linear"
     if "offset" in kind.options():
-        known["offset"] = "free" if chain.block("output") is not None else "none"
+        settings["offset"] = "free" if chain.block("output") is not None else "none"
     for field_name, role in (("input_map", "input"), ("output_map", "output")):
         if field_name in kind.options() and (name := _map_name(chain, role)):
-            known[field_name] = name
-    return known
+            settings[field_name] = name
+    return settings
 
 
 def _map_name(chain: Chain, role: str) -> str | None:
@@ -220,11 +226,11 @@ def _check_name(chain: Chain, name: str, option: str) -> None:
 
 def _named(chain: Chain) -> str:
     """The names of the parameters, block by block."""
-    found = []
+    texts = []
     for block in chain.blocks:
         names = [f"{block.role}.{slot.name}" for slot in block.slots()]
-        found.append(", ".join(names[:MOST]) + (f", ... ({len(names)} of {block.role})" if len(names) > MOST else ""))
-    return "; ".join(text for text in found if text)
+        texts.append(", ".join(names[:MOST]) + (f", ... ({len(names)} of {block.role})" if len(names) > MOST else ""))
+    return "; ".join(text for text in texts if text)
 
 
 def _example(chain: Chain, name: str) -> str:
