@@ -107,6 +107,7 @@ def _loose(value: Any) -> Any:
 
 
 def _array(value: Any) -> np.ndarray:
+    """The array of a list of numbers; raises InputError for anything else."""
     if not isinstance(value, list):
         raise InputError("this should be a list of numbers")
     try:

@@ -7,22 +7,18 @@ from sysid.blocks import Motor, ProfiledMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.likely_state import likely_initial
-from sysid.estimation.problem import ChainProblem
+from sysid.estimation.problem import ChainProblem, search_best
 from sysid.estimation.state_priors import state_space_of
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, iterate
-from sysid.solver.searches import LevenbergMarquardt
+from sysid.solver.iterate import Options
 
+_SEARCH = Options(max_iterations=50)
 _POOR = 0.25  # of the output's variance, left by a state from which a map behind the linear block may be flat
 _FIRST = 20  # samples that give a motor's initial position
 
 
 def estimate_initial(
-    chain: Chain,
-    theta: np.ndarray,
-    data: IOData,
-    u: np.ndarray | None = None,
-    noise_variance: float | None = None,
+    chain: Chain, theta: np.ndarray, data: IOData, u: np.ndarray | None = None, noise_variance: float | None = None
 ) -> np.ndarray:
     """theta (P,) with its initial states fitted to a record; all other parameters are kept.
 
@@ -42,9 +38,11 @@ def estimate_initial(
         candidates = [_on_map(chain, theta, data.y[:, 0])]
     elif chain.channels == (1, 1) and len(chain.dynamics) == 1:
         candidates.append(_steady(chain, theta, data.u[:, 0], data.y[:, 0]))
-    best, cost = _best_search(chain, candidates, data, theta, np.inf)
+    problems = [ChainProblem.initial_state(chain, candidate, data) for candidate in candidates]
+    best, cost = search_best(problems, _SEARCH, theta)
     if cost > _POOR * float(np.sum((data.y - data.y.mean(axis=0)) ** 2)) and _maps_behind(chain):
-        best, _ = _best_search(chain, [_behind_maps(chain, best, data.u[:, 0], data.y[:, 0])], data, best, cost)
+        candidate = _behind_maps(chain, best, data.u[:, 0], data.y[:, 0])
+        best, _ = search_best([ChainProblem.initial_state(chain, candidate, data)], _SEARCH, best, cost)
     return best
 
 
@@ -54,18 +52,6 @@ def filters_only(chain: Chain) -> bool:
     for part, _ in chain.dynamics:
         of_filters[part] = True
     return bool(np.all(of_filters[chain.initial]))
-
-
-def _best_search(
-    chain: Chain, candidates: list[np.ndarray], data: IOData, best: np.ndarray, cost: float
-) -> tuple[np.ndarray, float]:
-    """The best of theta (P,) with that cost and of searches for the initial state from each candidate."""
-    for candidate in candidates:
-        problem = ChainProblem.initial_state(chain, candidate, data)
-        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=50))
-        if out.cost < cost:
-            best, cost = problem.thetas(out.p)[0], out.cost
-    return best, cost
 
 
 def _maps_behind(chain: Chain) -> bool:

@@ -15,6 +15,7 @@ from sysid.data.record import IOData
 from sysid.estimation.state_priors import Gaussian, priors, state_space_of, state_space_priors
 from sysid.model.chain import Chain
 
+# Weights and widths were chosen on windows of drawn systems (scripts/initial_windows.py).
 _INFLATED = ((1.0, 0.6), (4.0, 0.2), (25.0, 0.1), (400.0, 0.1))  # noise variance by that of the fit, prior share
 _CORRELATED = (0.0, 0.5, 0.8, 0.95)  # of neighbouring errors: those of a model that is not exact are seldom white
 _DOUBT = 0.03  # probability of rest above which the run begins there: no estimate then spoils a record from rest

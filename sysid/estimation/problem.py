@@ -1,6 +1,6 @@
 """A chain and its records as a least-squares problem; a long record is run in pieces."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,7 +10,8 @@ from sysid.data.record import IOData
 from sysid.estimation.objective import huber
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance, covariance, rank
-from sysid.solver.iterate import Linearisation, Rows
+from sysid.solver.iterate import Linearisation, Options, Rows, iterate
+from sysid.solver.searches import LevenbergMarquardt
 
 LONG = 40_000  # samples from which a record is taken in pieces
 ROWS = 4096  # samples of a piece: its Jacobian stays in a processor's cache
@@ -249,6 +250,17 @@ class ChainProblem:
         if not self.moving.all():
             J = J[:, self.moving]
         return J if keep is None else J[keep]
+
+
+def search_best(
+    problems: Iterable[ChainProblem], options: Options, theta: np.ndarray, cost: float = np.inf
+) -> tuple[np.ndarray, float]:
+    """theta (P,) and cost of the best of searches by Levenberg-Marquardt; those given where none is better."""
+    for problem in problems:
+        outcome = iterate(problem, problem.start, LevenbergMarquardt(), options)
+        if outcome.cost < cost:
+            theta, cost = problem.thetas(outcome.p)[0], outcome.cost
+    return theta, cost
 
 
 def in_pieces(chain: Chain) -> bool:

@@ -168,6 +168,7 @@ def _best(runs: list[Run], pieces: tuple[Piece, ...], lag: int) -> Run:
 
 
 def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
+    """Raises InputError for a constant signal, a record that is too short, and fewer than one start."""
     if starts < 1:
         raise InputError(f"starts is {starts}; give at least 1")
     for name in ("u", "y"):
@@ -194,6 +195,7 @@ def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
 
 
 def _warnings(fit: NlarxFit, data: IOData) -> tuple[str, ...]:
+    """Warnings on the search, on a free run that runs away, and on what the data do not determine."""
     warnings = []
     if not fit.stop.converged:
         warnings.append(f"the search did not converge: {fit.stop.reason}")

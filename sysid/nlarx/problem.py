@@ -51,8 +51,43 @@ def rows(model: Nlarx, pieces: tuple[Piece, ...]) -> tuple[np.ndarray, np.ndarra
     return np.ascontiguousarray(np.concatenate(Phis)), np.concatenate(ys)
 
 
+class NetworkProblem:
+    """What both problems share: the ridge, and the limits of the dilations."""
+
+    network: Network
+    ridge: float
+
+    def repair(self, p: np.ndarray) -> np.ndarray:
+        """p (P,) with every dilation in its limits: from a unit that is nearly linear to one that covers a sample."""
+        dilations = self.network.dilations
+        if not len(dilations) or not np.all(np.isfinite(p)):
+            return p
+        limited = p.copy()
+        limited[dilations] = np.clip(p[dilations], _WIDEST, _NARROWEST)
+        return limited
+
+    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """True (P,) where a dilation is at its limit and the descent direction points beyond it."""
+        at_limit, dilations = np.zeros(len(p), dtype=bool), self.network.dilations
+        b, slope = p[dilations], gradient[dilations]
+        at_limit[dilations] = ((b <= _WIDEST) & (slope < 0)) | ((b >= _NARROWEST) & (slope > 0))
+        return at_limit
+
+    def _with_ridge(self, p: np.ndarray, errors: list[np.ndarray]) -> np.ndarray:
+        """All errors in one vector, followed by those of the ridge if there is one."""
+        if self.ridge:
+            errors = [*errors, -np.sqrt(self.ridge) * self.network.peaks * p]
+        return np.concatenate(errors)
+
+    def _with_ridge_rows(self, Js: list[np.ndarray]) -> np.ndarray:
+        """The Jacobian that belongs to `_with_ridge`."""
+        if self.ridge:
+            Js = [*Js, np.diag(np.sqrt(self.ridge) * self.network.peaks)]
+        return np.concatenate(Js)
+
+
 @dataclass(frozen=True)
-class PredictionProblem:
+class PredictionProblem(NetworkProblem):
     """min over theta of the squared one-step errors, for regressors Phi (N, n) and outputs y (N,).
 
     `ridge` adds the squares of each unit's contribution at its centre, ridge (s_k peak_k)^2: without it, wide units get
@@ -83,24 +118,16 @@ class PredictionProblem:
 
     def residual(self, p: np.ndarray) -> np.ndarray | None:
         """e (N,)."""
-        return with_ridge(self, p, [self.y - self.network.predict(p, self.Phi)[0]])
+        return self._with_ridge(p, [self.y - self.network.predict(p, self.Phi)[0]])
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """e (N,) and dyhat/dtheta (N, P)."""
         yhat, J = self.network.predict(p, self.Phi, own=True)
-        return with_ridge(self, p, [self.y - yhat]), with_ridge_rows(self, [J])
-
-    def repair(self, p: np.ndarray) -> np.ndarray:
-        """Limits of the dilations: from a unit that is nearly linear to one that covers a single sample."""
-        return clip_dilations(self.network, p)
-
-    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """True (P,) where a dilation is at its limit and would go beyond."""
-        return dilations_at_limit(self.network, p, gradient)
+        return self._with_ridge(p, [self.y - yhat]), self._with_ridge_rows([J])
 
 
 @dataclass(frozen=True)
-class SimulationProblem:
+class SimulationProblem(NetworkProblem):
     """min over theta of the squared free-run errors of all experiments, each from its own first `first` samples.
 
     `ridge` as for the prediction.
@@ -145,7 +172,7 @@ class SimulationProblem:
             if end < len(yhat):
                 return None
             errors.append((piece.y - yhat)[self._counts(piece)])
-        return with_ridge(self, p, errors)
+        return self._with_ridge(p, errors)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """e (N,) and dyhat/dtheta (N, P), through the recursion."""
@@ -155,32 +182,7 @@ class SimulationProblem:
             counts = self._counts(piece)
             errors.append((piece.y - yhat)[counts])
             Js.append(_drop_large_rows(J[counts]))
-        return with_ridge(self, p, errors), with_ridge_rows(self, Js)
-
-    def repair(self, p: np.ndarray) -> np.ndarray:
-        """As for the prediction."""
-        return clip_dilations(self.network, p)
-
-    def blocked(self, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """As for the prediction."""
-        return dilations_at_limit(self.network, p, gradient)
-
-
-AnyProblem = PredictionProblem | SimulationProblem
-
-
-def with_ridge(problem: AnyProblem, p: np.ndarray, errors: list[np.ndarray]) -> np.ndarray:
-    """All errors in one vector, followed by those of the ridge if there is one."""
-    if problem.ridge:
-        errors = [*errors, -np.sqrt(problem.ridge) * problem.network.peaks * p]
-    return np.concatenate(errors)
-
-
-def with_ridge_rows(problem: AnyProblem, Js: list[np.ndarray]) -> np.ndarray:
-    """The Jacobian that belongs to `with_ridge`."""
-    if problem.ridge:
-        Js = [*Js, np.diag(np.sqrt(problem.ridge) * problem.network.peaks)]
-    return np.concatenate(Js)
+        return self._with_ridge(p, errors), self._with_ridge_rows(Js)
 
 
 def _drop_large_rows(J: np.ndarray) -> np.ndarray:
@@ -190,20 +192,4 @@ def _drop_large_rows(J: np.ndarray) -> np.ndarray:
     return J if usable.all() else np.where(usable[:, None], J, 0.0)
 
 
-def clip_dilations(network: Network, p: np.ndarray) -> np.ndarray:
-    """p (P,) with every dilation within its limits."""
-    dilations = network.dilations
-    if not len(dilations) or not np.all(np.isfinite(p)):
-        return p
-    limited = p.copy()
-    limited[dilations] = np.clip(p[dilations], _WIDEST, _NARROWEST)
-    return limited
-
-
-def dilations_at_limit(network: Network, p: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """True (P,) where a dilation is at a limit and the descent direction points beyond it."""
-    at_limit, dilations = np.zeros(len(p), dtype=bool), network.dilations
-    at_limit[dilations] = ((p[dilations] <= _WIDEST) & (gradient[dilations] < 0)) | (
-        (p[dilations] >= _NARROWEST) & (gradient[dilations] > 0)
-    )
-    return at_limit
+AnyProblem = PredictionProblem | SimulationProblem

@@ -229,12 +229,7 @@ def _starts(
     return points
 
 
-def _more_points(
-    prediction: PredictionProblem,
-    theta: np.ndarray,
-    linear: Linear,
-    trial: Options,
-) -> list[np.ndarray]:
+def _more_points(prediction: PredictionProblem, theta: np.ndarray, linear: Linear, trial: Options) -> list[np.ndarray]:
     """Further starts of a search on the free run besides the initial theta (P,).
 
     One is refined one step ahead. The other has zero weights and the linear model with the least free-run error, which

@@ -232,11 +232,7 @@ class Search(Protocol):
 
 
 def halve(
-    lin: Linearisation,
-    direction: np.ndarray,
-    attempt: Attempt,
-    max_halvings: int,
-    method: str,
+    lin: Linearisation, direction: np.ndarray, attempt: Attempt, max_halvings: int, method: str
 ) -> tuple[Step | None, int]:
     """First of direction, direction/2, ... that lowers the cost by enough of the prediction, and halvings."""
     for k in range(max_halvings + 1):
@@ -329,6 +325,7 @@ def iterate(
     del e  # a long record does without it
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
+        """The cost at p + delta, repaired where it leaves the bounds, and the step that was taken."""
         nonlocal evaluations
         evaluations += 1
         step = np.zeros_like(p)

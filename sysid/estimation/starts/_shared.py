@@ -10,10 +10,9 @@ from sysid.base.poles import mirrored, monic
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.problem import ChainProblem
+from sysid.estimation.problem import ChainProblem, search_best
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, iterate
-from sysid.solver.searches import LevenbergMarquardt
+from sysid.solver.iterate import Options
 
 
 class Start(ABC):
@@ -81,16 +80,15 @@ def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -
 
 
 def best_output_error(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
-    options, best, best_cost = Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters), np.inf
-    for f in raw:
+    """Parameters (p,) of the best output-error search, each from poles f (nf,) of `raw`."""
+
+    def problem(f: np.ndarray) -> ChainProblem:
         theta = np.zeros(linear.n_parameters)
         theta[linear.nb : linear.nb + linear.nf] = f
         solve_linear(linear, theta, w, y)
-        problem = ChainProblem.whole(Chain((linear,)), theta, w, y)
-        out = iterate(problem, problem.start, LevenbergMarquardt(), options)
-        if out.cost < best_cost:
-            best, best_cost = problem.thetas(out.p)[0], out.cost
-    return best
+        return ChainProblem.whole(Chain((linear,)), theta, w, y)
+
+    return search_best(map(problem, raw), Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters))[0]
 
 
 def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
@@ -107,9 +105,9 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
         wf, yf, xf = np.empty_like(w), np.empty_like(w), np.empty_like(w)
         for signal, out in ((w, wf), (y, yf), (x, xf)):
             all_pole(f, signal, out)
-        inputs = [_delay(wf, nk + i) for i in range(nb)]
-        regressors = np.column_stack([-_delay(yf, j + 1) for j in range(nf)] + inputs)
-        instruments = np.column_stack([-_delay(xf, j + 1) for j in range(nf)] + inputs)
+        inputs = [delay(wf, nk + i) for i in range(nb)]
+        regressors = np.column_stack([-delay(yf, j + 1) for j in range(nf)] + inputs)
+        instruments = np.column_stack([-delay(xf, j + 1) for j in range(nf)] + inputs)
         # lstsq, since a poor excitation leaves directions empty.
         theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
         f = mirrored(theta[:nf])
@@ -163,5 +161,6 @@ def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: 
         theta[enters] = np.linalg.lstsq(J[:, enters], y, rcond=1e-12)[0]
 
 
-def _delay(x: np.ndarray, k: int) -> np.ndarray:
+def delay(x: np.ndarray, k: int) -> np.ndarray:
+    """x (N,) k samples later, with zeros before it."""
     return np.concatenate([np.zeros(k), x[: len(x) - k]])

@@ -12,6 +12,7 @@ from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_o
 from sysid.estimation.starts._shared import Start, clip_to_bounds, longest
 from sysid.model.chain import Chain
 
+# Chosen by hand.
 _TRIED = 150  # candidates a start that is asked for
 _AROUND = 3  # candidates with the same balance of voltages
 _LINKS = ((0.05, 0.02), (2.5, 1.0))  # least and largest frequency and damping of a link on a spring
@@ -82,6 +83,7 @@ def _fill_values(chain: Chain, values: dict[str, float], properties: _Record, rn
 
 
 def _read(u: np.ndarray, y: np.ndarray) -> _Record:
+    """The record's range, its speed at large inputs and the sign between both."""
     low, high = np.quantile(y, [_EDGE, 1.0 - _EDGE])
     reach = max(1, len(y) // 500)
     speed = (y[2 * reach :] - y[: -2 * reach]) / (2 * reach) if len(y) > 4 * reach else np.diff(y)
@@ -165,6 +167,7 @@ def _drawn_load(properties: _Record, way: float, rng: np.random.Generator) -> di
 def _values(
     b: Block, values: dict[str, float], ends: tuple[float, float], span: float, properties: _Record
 ) -> np.ndarray:
+    """The parameters of one block of a candidate."""
     if isinstance(b, Motor):
         return np.array([values.get(slot.name, 0.0) for slot in b.slots()])
     if isinstance(b, TravelMap):
@@ -195,6 +198,7 @@ def balances(motor: Motor, u: np.ndarray, y: np.ndarray, ends: tuple[float, floa
 
 
 def _balance(motor: Motor, u: np.ndarray, y: np.ndarray, W: int, ends: tuple[float, float]) -> dict[str, float] | None:
+    """The motor's parameters by name from windows of W samples; None where too few are free of the ends."""
     half = max(2, W // 6)
     k = np.arange(-half, half + 1)
     if len(y) < 8 * W or len(y) < 4 * half:

@@ -6,7 +6,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import Channels, TransferMatrix
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, generators, longest, output_error_start, start_maps
+from sysid.estimation.starts._shared import Start, delay, generators, longest, output_error_start, start_maps
 from sysid.model.chain import Chain
 
 
@@ -47,7 +47,7 @@ def _shares(W: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
     """Contribution of each input (columns of W (N, nu)) to y (N,), by one least-squares fit of finite responses."""
     N, nu = W.shape
     length = max(2, min(80, N // (4 * nu)))
-    columns = [np.concatenate([np.zeros(k), W[: N - k, i]]) for i in range(nu) for k in range(length)]
+    columns = [delay(W[:, i], k) for i in range(nu) for k in range(length)]
     regressors = np.column_stack(columns)
     response = np.linalg.lstsq(regressors, y, rcond=1e-10)[0]
     return [regressors[:, i * length : (i + 1) * length] @ response[i * length : (i + 1) * length] for i in range(nu)]

@@ -60,6 +60,7 @@ def first_state(y: np.ndarray, n: int = _STATE) -> tuple[float, float]:
 
 
 def _balance(block: ProfiledMotor, data: IOData, W: int, delay: int) -> np.ndarray:
+    """theta (P,) from windows of W samples of all experiments, with the output `delay` samples late."""
     rows, sides = [], []
     for e in data.experiments:
         if 4 * W + delay <= e.N:

@@ -11,6 +11,7 @@ from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_o
 from sysid.estimation.starts._shared import Start, longest
 from sysid.model.chain import Chain
 
+# Chosen by hand.
 _TRIED = 80  # candidates a start that is asked for
 _SAMPLES = 1500  # of the record that a candidate runs over
 _RATES = np.geomspace(0.01, 1.0, 13)  # of the loop, per sample

@@ -13,7 +13,7 @@ from sysid.blocks import CoastingPlay, Motor, Play
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lift_theta, motor_of, plainer, without_play
-from sysid.estimation.problem import ChainProblem
+from sysid.estimation.problem import ChainProblem, search_best
 from sysid.estimation.starts._shared import Start
 from sysid.estimation.starts.joint import Joint
 from sysid.model.chain import Chain
@@ -51,13 +51,12 @@ class StagedJoint(Start):
 
 
 def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
-    best, least = points[0], np.inf
-    for theta in points:
-        problem = ChainProblem(chain, with_initial_states(chain, theta, data), tuple(data.experiments), chain.free)
-        outcome = iterate(problem, problem.start, LevenbergMarquardt(), _STEPS)
-        if outcome.cost < least:
-            best, least = problem.thetas(outcome.p)[0], outcome.cost
-    return best
+    """theta (P,) of the first experiment after the best of searches from these points."""
+    problems = (
+        ChainProblem(chain, with_initial_states(chain, theta, data), tuple(data.experiments), chain.free)
+        for theta in points
+    )
+    return search_best(problems, _STEPS, points[0])[0]
 
 
 def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:

@@ -8,12 +8,13 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.problem import ChainProblem
+from sysid.estimation.problem import ChainProblem, search_best
 from sysid.estimation.starts._shared import Start, denominators, generators, solve_linear, start_maps
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
+# Chosen by hand.
 _DRAWN, _SHORT, _TRIAL = 4, 4000, Options(max_iterations=15)
 _HELD = (1.0, 0.4, 0.15)  # shares of the correction by the measured output, on the way from prediction to free run
 _POLISH = Options(max_iterations=40, tolerance=0.05)
@@ -128,15 +129,14 @@ def linear_state_space(nx: int, data: IOData) -> tuple[StateSpace, np.ndarray]:
     states of covariance 1 over the record.
     """
     block = StateSpace(nx, 0, nu=data.u.shape[1], ny=data.y.shape[1], role="linear")
-    chain, best, least = Chain((block,)), block.start(data.u[:, 0]), np.inf
-    for A, C in _candidates(nx, data):
-        theta = _complete(block, A, C, data)
-        if not block.admissible(theta):
-            continue
-        problem = ChainProblem(chain, with_initial_states(chain, theta, data), data.experiments, chain.free)
-        out = iterate(problem, problem.start, LevenbergMarquardt(), _POLISH)
-        if out.cost < least:
-            best, least = problem.thetas(out.p)[0], out.cost
+    chain = Chain((block,))
+    thetas = (_complete(block, A, C, data) for A, C in _candidates(nx, data))
+    problems = (
+        ChainProblem(chain, with_initial_states(chain, theta, data), data.experiments, chain.free)
+        for theta in thetas
+        if block.admissible(theta)
+    )
+    best, _ = search_best(problems, _POLISH, block.start(data.u[:, 0]))
     return block, normalise_states(block, best, data)
 
 
@@ -183,6 +183,7 @@ def subspace(nx: int, data: IOData, rows: int, canonical: bool) -> tuple[np.ndar
 
 
 def _candidates(nx: int, data: IOData) -> list[tuple[np.ndarray, np.ndarray]]:
+    """A (nx, nx) and C (ny, nx) of every estimate: subspaces over several horizons, and transfer functions."""
     pairs = []
     horizons = sorted({min(nx + 2, _WIDEST), min(2 * nx + 6, _WIDEST), _WIDEST})
     for rows in horizons:

@@ -57,6 +57,7 @@ def _start_of_division(
     y: np.ndarray,
     rng: np.random.Generator | None,
 ) -> np.ndarray:
+    """theta (P,) with these poles in the first filter and the others in the second; maps varied with `rng`."""
     (at_first, first), (at_second, second) = chain.dynamics
     theta = np.zeros(len(chain.names))
     maps_before = chain.blocks[: chain.blocks.index(first)]

@@ -12,6 +12,7 @@ from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line, mo
 from sysid.estimation.starts.portfolio.screen import MEMBERS, Candidate, Screen
 from sysid.model.chain import Chain
 
+# Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
 _LADDER = ((6, 6, 8), (3, 12, 8), (2, 20, 6))  # candidates that go on, places of their curves, steps
 _ALIKE = 0.9995  # correlation of two candidates' signals above which they are one
 _SAME = 1.02  # losses within this ratio are one optimum

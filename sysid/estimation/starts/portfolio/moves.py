@@ -13,13 +13,14 @@ from sysid.block.block import Block
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._shared import denominators, same_poles
+from sysid.estimation.starts._shared import delay, denominators, same_poles
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import is_map, line, movable_maps
 from sysid.estimation.starts.portfolio.screen import random_poles
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Linearisation
 
+# Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
 _FINE = 40  # places among which break points are chosen
 _SWEEPS = 4
 _DRAWN = 6  # random choices that the exchange begins with, beside four that are thought out
@@ -216,8 +217,8 @@ def _filter_alternatives(
         F = np.concatenate([[1.0], f])
         with np.errstate(over="ignore", invalid="ignore"):
             g, h = lfilter([1.0], F, x), lfilter([1.0], F, np.eye(1, len(x))[0])
-        columns = [_delayed(g, block.nk + i) for i in range(block.nb)]
-        columns += [_delayed(h, i) for i in range(block.n_state if block.initial_state else 0)]
+        columns = [delay(g, block.nk + i) for i in range(block.nb)]
+        columns += [delay(h, i) for i in range(block.n_state if block.initial_state else 0)]
         A = np.column_stack(columns)
         if not np.all(np.isfinite(A)):
             continue
@@ -231,7 +232,3 @@ def _filter_alternatives(
 
 def _same(chain: Chain, a: np.ndarray, b: np.ndarray) -> bool:
     return all(same_poles(block, a[part], b[part]) for part, block in chain.dynamics if block.nf)
-
-
-def _delayed(x: np.ndarray, k: int) -> np.ndarray:
-    return np.concatenate([np.zeros(k), x[: len(x) - k]])

@@ -9,9 +9,10 @@ from scipy.signal import lfilter
 
 from sysid.base.poles import mirrored, monic
 from sysid.blocks import TransferFunction
-from sysid.estimation.starts._shared import best_output_error, denominators
+from sysid.estimation.starts._shared import best_output_error, delay, denominators
 from sysid.estimation.starts.portfolio import curves
 
+# Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
 _INPUT, _OUTPUT = 6, 12  # places of the curves that rank
 _TURNS = 4  # of B for the input curve and the input curve for B
 _DIRECTIONS = 3  # of B, from the quadratic regression
@@ -91,9 +92,7 @@ class Screen:
     def lags(self, f: np.ndarray, x: np.ndarray) -> np.ndarray:
         """Columns (N, nb): x (N, ) through 1/F, delayed."""
         g = lfilter([1.0], np.concatenate([[1.0], f]), x)
-        return np.column_stack(
-            [np.concatenate([np.zeros(self.nk + i), g[: len(g) - self.nk - i]]) for i in range(self.nb)]
-        )
+        return np.column_stack([delay(g, self.nk + i) for i in range(self.nb)])
 
     def directions(self, X: np.ndarray) -> list[np.ndarray]:
         """Coefficients b (nb,) for columns X (N, nb): of the linear regression, and the main axes of the quadratic one.
@@ -154,6 +153,7 @@ class Screen:
     def _rate(
         self, member: str, b: np.ndarray, f: np.ndarray, w: np.ndarray, curve: tuple[np.ndarray, np.ndarray]
     ) -> Candidate | None:
+        """The candidate of a filter with the output w (N,) and its loss; None for an output that does not move."""
         signal = w[self.n_initial :]
         if not np.all(np.isfinite(signal)) or np.ptp(signal) <= 1e-12 * (np.abs(signal).max() + 1e-300):
             return None
@@ -189,7 +189,7 @@ def curved_input(screen: Screen, linear: TransferFunction, rng: np.random.Genera
     if not screen.before:
         return
     f, y, target = np.zeros(linear.nf), screen.y - screen.y.mean(), screen.n_initial
-    past = np.column_stack([_delayed(y, j + 1) for j in range(linear.nf)]) if linear.nf else np.empty((len(y), 0))
+    past = np.column_stack([delay(y, j + 1) for j in range(linear.nf)]) if linear.nf else np.empty((len(y), 0))
     for k in range(_PASSES):
         F = np.concatenate([[1.0], f])
         regressors = -lfilter([1.0], F, past, axis=0) if linear.nf else past
@@ -211,8 +211,8 @@ def even_part(screen: Screen, linear: TransferFunction, rng: np.random.Generator
     if not screen.behind or not linear.nf:
         return
     for x, _ in screen.inputs:
-        X = np.column_stack([_delayed(_low_pass(x, T), linear.nk) for T in _SLOW])
-        X = np.column_stack([X, _delayed(x, linear.nk), _delayed(x, linear.nk + 1)])
+        X = np.column_stack([delay(_low_pass(x, T), linear.nk) for T in _SLOW])
+        X = np.column_stack([X, delay(x, linear.nk), delay(x, linear.nk + 1)])
         for w in _axes(X, screen)[:3]:
             w = np.concatenate([np.zeros(len(x) - len(w)), w])
             yield from denominators(linear, x, w, (4,))
@@ -227,7 +227,7 @@ def ringing(screen: Screen, linear: TransferFunction, rng: np.random.Generator) 
         return
     y = screen.target
     for n in (linear.nf, linear.nf + 2):
-        past = np.column_stack([_delayed(y, j + 1) for j in range(n)])[n:]
+        past = np.column_stack([delay(y, j + 1) for j in range(n)])[n:]
         poles = np.roots(np.concatenate([[1.0], -np.linalg.lstsq(past, y[n:], rcond=1e-9)[0]])).astype(complex)
         for variants in (
             poles,
@@ -248,10 +248,6 @@ def drawn(screen: Screen, linear: TransferFunction, rng: np.random.Generator) ->
 MEMBERS: dict[str, Callable[[Screen, TransferFunction, np.random.Generator], Found]] = {
     each.__name__: each for each in (approximation, output_error, curved_input, even_part, ringing, drawn)
 }
-
-
-def _delayed(x: np.ndarray, k: int) -> np.ndarray:
-    return np.concatenate([np.zeros(k), x[: len(x) - k]])
 
 
 def _low_pass(x: np.ndarray, T: float) -> np.ndarray:

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import best_output_error, denominators
+from sysid.estimation.starts._shared import best_output_error, delay, denominators
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
 from sysid.estimation.starts.portfolio.screen import Candidate, Screen, curved_input, even_part, random_poles
@@ -130,9 +130,7 @@ def _rest(
 def _with_zeros(series: TransferFunction, f: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Parameters of the linear model with the poles of f and the numerator of least squares."""
     g = lfilter([1.0], np.concatenate([[1.0], f]), u)
-    X = np.column_stack(
-        [np.concatenate([np.zeros(k), g[: len(g) - k]]) for k in range(series.nk, series.nk + series.nb)]
-    )
+    X = np.column_stack([delay(g, k) for k in range(series.nk, series.nk + series.nb)])
     return np.concatenate([np.linalg.lstsq(X, y, rcond=1e-10)[0], f])
 
 
@@ -174,12 +172,7 @@ def choose_roots(roots: np.ndarray, n: int) -> list[tuple[np.ndarray, np.ndarray
 
 
 def _unmodelled_poles(
-    u: np.ndarray,
-    y: np.ndarray,
-    first: TransferFunction,
-    second: TransferFunction,
-    rng: np.random.Generator,
-    turn: int,
+    u: np.ndarray, y: np.ndarray, first: TransferFunction, second: TransferFunction, rng: np.random.Generator, turn: int
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Poles of the first filter that no linear model gives: from the even part, from one filter alone, and drawn."""
     if turn == 0:
