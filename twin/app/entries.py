@@ -215,8 +215,8 @@ def save_runs(evaluation: Any, start: float, path: Path) -> None:
     """Write the free runs of an evaluation whose record begins `start` [s] after that of the log."""
     estimation, validation = evaluation.estimation, evaluation.validation
     offset = estimation.y_offset[0]
-    measured = [np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part in (estimation, validation)]
-    y = np.concatenate(measured) + offset
+    outputs = [np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part in (estimation, validation)]
+    y = np.concatenate(outputs) + offset
     run = np.concatenate([np.ravel(evaluation.estimation_output), np.ravel(evaluation.validation_output)]) + offset
     t = start + np.arange(len(y)) * estimation.Ts
     words = {"name": np.array(estimation.y_name), "unit": np.array(estimation.y_unit)}

@@ -71,8 +71,8 @@ def of_record(data: IOData, start: float | None, stop: float | None, height: int
     last = (data.N - 1) * data.Ts
     low, high = start or 0.0, last if stop is None else min(stop, last)
     grey = [Span(a, b, colour=style.SECOND) for a, b in ((0.0, low), (high, last)) if b > a]
-    described = record_figure(data)
-    figure = plotly(replace(described, marks=[*described.marks, *grey]))
+    description = record_figure(data)
+    figure = plotly(replace(description, marks=[*description.marks, *grey]))
     figure["layout"] |= {"dragmode": "select", "selectdirection": "h", "height": height, "uirevision": f"{data.N}"}
     for trace in figure["data"]:
         trace["mode"] = "lines+markers"  # plotly selects points, not lines
@@ -88,13 +88,13 @@ def overlay(models: Mapping[str, Runs]) -> Plotly:
     q = display_quantity(runs[0].name, runs[0].unit)
     low, high = np.nanmin(runs[0].y), np.nanmax(runs[0].y)
     middle, half = 0.5 * (low + high), 0.75 * (high - low)  # a run that leaves the data does not squeeze the others
-    departs = any(np.abs(each.run - middle).max() > 2 * half for each in runs)
-    near = ((middle - half) * q.factor, (middle + half) * q.factor) if departs else None
+    departs = any(np.abs(model_runs.run - middle).max() > 2 * half for model_runs in runs)
+    near_data = ((middle - half) * q.factor, (middle + half) * q.factor) if departs else None
     lines = [Line(runs[0].t, scaled(runs[0].y, q.factor), "measured", style.INK, 1.8)]
-    for (name, each), colour in zip(models.items(), cycle(style.COLOURS), strict=False):
-        lines.append(Line(each.t, scaled(each.run, q.factor), escape(name), colour, 1.2))
-    axis = Axis(escape(q.label), escape(q.name), escape(q.unit), near=near)
-    borders = [Rule(border, dash="dot") for border in dict.fromkeys(each.border for each in runs)]
+    for (name, model_runs), colour in zip(models.items(), cycle(style.COLOURS), strict=False):
+        lines.append(Line(model_runs.t, scaled(model_runs.run, q.factor), escape(name), colour, 1.2))
+    axis = Axis(escape(q.label), escape(q.name), escape(q.unit), near=near_data)
+    borders = [Rule(border, dash="dot") for border in dict.fromkeys(model_runs.border for model_runs in runs)]
     return ready(plotly(Figure([Panel(lines, axis, Axis.time(), weight=1.6)], marks=borders)))
 
 

@@ -134,8 +134,8 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     )
     tell(ready=model.model_dump(mode="json"))
     tell(said="writing the report", share=0.96)
-    renamed = replace(record, path=Path(entry.name))
-    _report(renamed, entry, setting, evaluation, exports, out / "report.html")
+    named_record = replace(record, path=Path(entry.name))
+    _report(named_record, entry, setting, evaluation, exports, out / "report.html")
     tell(report=True)
 
 

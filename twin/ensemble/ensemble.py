@@ -146,13 +146,13 @@ class Ensemble:
         parts, members = self._parts(new=True), self.members
         parts.sweep()
         missing = parts.missing()
-        finished = len(self) - sum(len(parts.numbers(k)) for k in missing)
+        finished_count = len(self) - sum(len(parts.numbers(k)) for k in missing)
 
         def report(count: int) -> None:
-            nonlocal finished
-            finished += count
+            nonlocal finished_count
+            finished_count += count
             if progress is not None:
-                progress(finished, len(self))
+                progress(finished_count, len(self))
 
         if scheduler is not None:
             jobs = [(members, parts.numbers(k)) for k in missing]

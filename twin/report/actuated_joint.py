@@ -220,8 +220,8 @@ def ablation_sentences(ablations: Sequence[Ablation]) -> list[str]:
         main = max((row for row in a.joint if row.fit is not None), key=a.lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
         best = max(single, key=a.gained)
-        bare = next((row.fit for row in a.paper if row.part == ablation.BARE), None)
-        text = f" With all imperfections off but the end stops it reaches {percent(bare)}." if bare is not None else ""
+        fits = [row.fit for row in a.paper if row.part == ablation.BARE and row.fit is not None]
+        text = f" With all imperfections off but the end stops it reaches {percent(fits[0])}." if fits else ""
         texts.append(
             f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses {a.lost(main):.1f} "
             f"points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "

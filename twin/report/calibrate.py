@@ -29,7 +29,7 @@ def page(result: Calibration) -> Page:
         for k, run in enumerate(result.runs, 1)
     ]
     correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
-    left_over = [
+    residual_pictures = [
         Picture.of("residuals", residuals_figure(result), _RESIDUALS),
         Picture.of("search", cost_figure(result), "RMS error over the iterations of the search."),
     ]
@@ -41,7 +41,7 @@ def page(result: Calibration) -> Page:
             Section("Twin and logs", tables=[scores(result)], pictures=[*overlays, _leg(result)]),
             Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[correlations]),
             Section("What the logs tell", undetermined_sentences(result), details=[_identifiability(result)]),
-            Section("What is left over", [_LEFT], pictures=left_over),
+            Section("What is left over", [_LEFT], pictures=residual_pictures),
         ],
         made_with=versions(),
     )

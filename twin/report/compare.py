@@ -105,7 +105,7 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
     first = TABLE[verdict.named[0].effect]
     for name in verdict.alike:
         rival = TABLE[name]
-        share = next(each.share for each in verdict.alone if each.effect == name)
+        share = next(candidate.share for candidate in verdict.alone if candidate.effect == name)
         texts.append(
             f"On this record {first.words} and {rival.words} act alike: {rival.words} alone would explain "
             f"{_percent(share)}. To tell them apart, record {rival.why}: qpal simulate --joint {joint} {rival.record}."

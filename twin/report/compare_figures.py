@@ -68,7 +68,7 @@ def effects(verdict: Verdict) -> Axes:
         style.legend(axes)
         return axes
     verdict_effects = {share.effect for share in verdict.named}
-    labelled: set[str] = set()
+    kinds: set[str] = set()
     for place, share in enumerate(verdict.alone):
         kind = "named by the verdict" if share.effect in verdict_effects else "not named"
         axes.barh(
@@ -78,9 +78,9 @@ def effects(verdict: Verdict) -> Axes:
             color=style.MODEL if share.effect in verdict_effects else "none",
             edgecolor=style.MODEL,
             linewidth=1.0,
-            label=None if kind in labelled else kind,
+            label=None if kind in kinds else kind,
         )
-        labelled.add(kind)
+        kinds.add(kind)
     axes.set(xlabel="departure that vanishes [%]", xlim=(0, 102), title="each effect moved alone")
     axes.invert_yaxis()
     style.legend(axes)

@@ -66,17 +66,18 @@ _JOINTS = (
 def sentences(result: Crawl) -> list[str]:
     """The outcome in plain words."""
     m, s = result.measures, result.standing
-    walk = (
+    walk_sentence = (
         f"The robot walked {1000 * m.forward:.0f} mm in {m.seconds:.0f} s ({1000 * m.speed:.1f} mm/s; planned "
         f"{1000 * result.plan.advance:.0f} mm). Its torso never tilted by more than {np.degrees(m.tilt):.1f} degrees, "
         f"and its centre of mass stayed {1000 * m.margin:.0f} mm or more inside the support."
     )
     failure = f"The robot did not walk: {result.fault}."
-    standing = (
+    standing_sentence = (
         f"While standing for {s.seconds:g} s it sank by {_sinking(s.sink)} with the servos on and by "
         f"{_sinking(s.sink_unpowered)} without power."
     )
-    return [failure if result.fault else walk, standing, *([_trials_sentence(result)] if result.trials else [])]
+    trials = [_trials_sentence(result)] if result.trials else []
+    return [failure if result.fault else walk_sentence, standing_sentence, *trials]
 
 
 def _standing_sentence(result: Crawl) -> str:

@@ -82,8 +82,8 @@ def _chapter(i: type[Imperfection], signatures: Sequence[Signature]) -> str:
     """The heading, text and pictures of an imperfection."""
     first, *rest = [f"![{s.sentence}](imperfections-{s.key}.png)" for s in signatures if s.name == i.name]
     texts = [i.about, f"Model: {i.model}", f"Parameters: {i.parameters}", first, i.remark, *rest]
-    wrapped = [text if text.startswith("![") else textwrap.fill(text, 120, break_on_hyphens=False) for text in texts]
-    return "\n\n".join(text for text in (f"## {i.title}: `{i.name}`", *wrapped) if text) + "\n"
+    lines = [text if text.startswith("![") else textwrap.fill(text, 120, break_on_hyphens=False) for text in texts]
+    return "\n\n".join(text for text in (f"## {i.title}: `{i.name}`", *lines) if text) + "\n"
 
 
 def _value(value: float, true: float) -> str:

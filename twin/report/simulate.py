@@ -52,9 +52,9 @@ def _leg(result: Simulation) -> Picture:
     return leg.picture("leg", result.parts[0].data.t, {"twin": angles}, parameters)
 
 
-def _pictures(part: Part, mode: str, omitted: list[str]) -> list[Picture]:
+def _pictures(part: Part, mode: str, switches: list[str]) -> list[Picture]:
     """The record of a joint, and the error of its reading."""
-    data, missing = part.data, ", ".join(omitted) or "nothing"
+    data, missing = part.data, ", ".join(switches) or "nothing"
     error = {"error": data.y[:, 0] - part.y_true}
     return [
         Picture.of(

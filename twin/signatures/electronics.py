@@ -85,9 +85,9 @@ def sag(p: Parameters) -> Signature:
     """The voltage of a blocked motor over the command."""
     n, top = 8, p["supply_voltage"]
     largest = next(row.upper for row in TABLE if row.name == f"{JOINT}.coulomb")
-    blocked = p.replace({f"{JOINT}.coulomb": largest})
+    blocked_motor = p.replace({f"{JOINT}.coulomb": largest})
     levels = top * np.linspace(0.0, 1.0, 41)
-    run, base = pair("sag", ("friction",), blocked, JOINT, holds(levels, n), tick(p))
+    run, base = pair("sag", ("friction",), blocked_motor, JOINT, holds(levels, n), tick(p))
     resistance = motor(p, JOINT).resistance
     resistances = [_supply_resistance(trial.volts[n - 1 :: n], levels / top, top, resistance) for trial in (run, base)]
     drops = [float(top - trial.volts[-1]) for trial in (run, base)]

@@ -164,9 +164,9 @@ def _loop_width(drive: np.ndarray, link: np.ndarray) -> float:
 def gravity(p: Parameters) -> Signature:
     """The thigh with power off, shorted bridge and no friction: its weight turns the motor against back-EMF."""
     joint, Ts = "thigh", 0.02
-    linearized, constants = truth(joint, parameters=p), motor(p, joint)
+    linear_truth, constants = truth(joint, parameters=p), motor(p, joint)
     mid, r = middle(p, joint), arm(joint, p)
-    speed = -linearized.load / constants.damping / r
+    speed = -linear_truth.load / constants.damping / r
     seconds = float(np.clip(np.deg2rad(6.0) / max(abs(speed), 1e-6), 12 * lag(p, joint), 5.0))
     u = np.zeros(round(seconds / Ts))
     # Mid stroke, where the truth is told, lies in the middle of the record, which settles before it begins.
@@ -188,12 +188,12 @@ def gravity(p: Parameters) -> Signature:
             Line(base.t, direction * (base.angle - base.angle[0]), on=False),
             Line(run.t, direction * (run.angle - run.angle[0])),
         ),
-        (Mark((end, 0.0), (end, descent), abs(linearized.load), "N", "by {}\nat the rod", "left"),),
+        (Mark((end, 0.0), (end, descent), abs(linear_truth.load), "N", "by {}\nat the rod", "left"),),
         (
             Size(
                 "weight at the rod, mid stroke",
                 weights,
-                abs(linearized.load),
+                abs(linear_truth.load),
                 "N",
                 ("gravity", "thigh_mass", "shank_mass", "foot_mass", "actuator_mass"),
             ),
@@ -206,12 +206,12 @@ def gravity(p: Parameters) -> Signature:
 def contact(p: Parameters) -> Signature:
     """The thigh moves down until the foot stands on the floor; the bench is lowered for this."""
     joint, Ts, seconds = "thigh", 0.02, 8.0
-    quadruped = body(p, robot(p))
+    robot_body = body(p, robot(p))
     touching = middle(p, joint) + np.deg2rad(6.0)
-    height = quadruped.foot_radius - quadruped.leg.foot(np.array([0.0, touching, middle(p, "shank")]))[2]
-    lowered = p.replace({"bench_height": float(np.clip(height, 0.2, 1.0))})
+    height = robot_body.foot_radius - robot_body.leg.foot(np.array([0.0, touching, middle(p, "shank")]))[2]
+    low_bench = p.replace({"bench_height": float(np.clip(height, 0.2, 1.0))})
     u = np.full(round(seconds / Ts), 0.35 * p["supply_voltage"])
-    run, base = pair("contact", ("friction", "end_stops"), lowered, joint, u, Ts)
+    run, base = pair("contact", ("friction", "end_stops"), low_bench, joint, u, Ts)
     end, start = float(run.t[-1]), float(run.angle[0])
     floor = end_angles(p, joint)[1] - np.deg2rad(1.0)  # a rest beyond is at the end of the stroke
     stands = [_rest(trial, -1) if trial.angle[-1] < floor else np.nan for trial in (run, base)]

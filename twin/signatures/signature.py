@@ -129,11 +129,11 @@ def omit_all_but(*names: str) -> tuple[str, ...]:
 
 
 def pair(
-    name: str, others: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
+    name: str, other_names: Collection[str], parameters: Parameters, joint: str, u: np.ndarray, Ts: float, **settings
 ) -> tuple[Trial, Trial]:
-    """The same trial with the imperfections `name` and `others`, and with only those of `others`."""
-    omissions = omit_all_but(name, *others), omit_all_but(*others)
-    run, base = (trial(parameters, joint, u, Ts, without=omitted, **settings) for omitted in omissions)
+    """The same trial with the imperfections `name` and `other_names`, and with only those of `other_names`."""
+    omissions = omit_all_but(name, *other_names), omit_all_but(*other_names)
+    run, base = (trial(parameters, joint, u, Ts, without=names, **settings) for names in omissions)
     return run, base
 
 

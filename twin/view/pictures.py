@@ -65,7 +65,7 @@ def frames(
     replay: Replay,
     times: np.ndarray,
     names: Names,
-    tell: Callable[[int], None] = lambda done: None,
+    tell: Callable[[int], None] = lambda count: None,
     traces: Traces | None = None,
     size: tuple[int, int] = (WIDTH, HEIGHT),
 ) -> Iterator[Image]:

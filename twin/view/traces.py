@@ -79,10 +79,10 @@ class Panel:
         share = (time - self.start) / max(self.stop - self.start, 1e-12)
         x = self.left + min(max(share, 0.0), 1.0) * (self.right - self.left)
         ImageDraw.Draw(strip).line([(x, 4), (x, strip.height - 4)], fill=style.MODEL, width=2)
-        combined = Images.new("RGB", (image.width, image.height + strip.height), "white")
-        combined.paste(image, (0, 0))
-        combined.paste(strip, (0, image.height))
-        return combined
+        sheet = Images.new("RGB", (image.width, image.height + strip.height), "white")
+        sheet.paste(image, (0, 0))
+        sheet.paste(strip, (0, image.height))
+        return sheet
 
 
 @styled
