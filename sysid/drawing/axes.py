@@ -118,16 +118,16 @@ def _values(panel: Panel) -> list[np.ndarray]:
     return lines + [edge for item in panel.items if isinstance(item, Band) for edge in (item.lower, item.upper)]
 
 
-def _draw_common_legend(ax: Axes, where: str, own_sheet: bool) -> None:
+def _draw_common_legend(ax: Axes, side: str, own_sheet: bool) -> None:
     """One legend for all axes of a sheet; that of the first axes where these are somebody else's."""
     if not own_sheet:
         style.legend(ax)
         return
-    place = "outside upper center" if where == "above" else "outside lower center"
+    place = "outside upper center" if side == "above" else "outside lower center"
     figure: Any = ax.figure
     handles: dict[str, Any] = {}
-    for each in figure.axes:
-        for handle, label in zip(*each.get_legend_handles_labels(), strict=True):
+    for ax_of_sheet in figure.axes:
+        for handle, label in zip(*ax_of_sheet.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     figure.legend(list(handles.values()), list(handles), loc=place, ncols=5)
 
@@ -145,9 +145,9 @@ def _line(ax: Axes, item: Line) -> None:
 def _band(ax: Axes, item: Band) -> None:
     if not has_area(item.lower, item.upper):
         return
-    known = np.isfinite(item.lower) & np.isfinite(item.upper)
+    finite = np.isfinite(item.lower) & np.isfinite(item.upper)
     look: dict[str, Any] = {"color": item.colour, "alpha": 0.25, "lw": 0, "label": _label(item)}
-    ax.fill_between(item.x, item.lower, item.upper, where=known, step="post" if item.steps else None, **look)
+    ax.fill_between(item.x, item.lower, item.upper, where=finite, step="post" if item.steps else None, **look)
 
 
 def _points(ax: Axes, item: Points) -> None:
@@ -171,17 +171,17 @@ def _region(ax: Axes, item: Region) -> None:
 
 def _stems(ax: Axes, item: Stems) -> None:
     outside = np.abs(item.y) > item.bound
-    for chosen, colour, name in ((~outside, style.INK, None), (outside, style.MODEL, "outside")):
-        if chosen.any():
-            ax.vlines(item.x[chosen], 0.0, item.y[chosen], color=colour, linewidth=1.2)
-            ax.plot(item.x[chosen], item.y[chosen], "o", color=colour, markersize=3, label=name)
+    for group, colour, name in ((~outside, style.INK, None), (outside, style.MODEL, "outside")):
+        if group.any():
+            ax.vlines(item.x[group], 0.0, item.y[group], color=colour, linewidth=1.2)
+            ax.plot(item.x[group], item.y[group], "o", color=colour, markersize=3, label=name)
 
 
 def _bars(ax: Axes, item: Bars) -> None:
     label = _label(item)
-    for place, (length, colour, filled, hatched) in enumerate(item.rows()):
-        look: dict[str, Any] = {"color": colour if filled else "none", "edgecolor": colour, "linewidth": 1.0}
-        ax.barh(place + item.shift, length, item.width, hatch="////" if hatched else "", label=label, **look)
+    for place, (length, colour, is_filled, is_hatched) in enumerate(item.rows()):
+        look: dict[str, Any] = {"color": colour if is_filled else "none", "edgecolor": colour, "linewidth": 1.0}
+        ax.barh(place + item.shift, length, item.width, hatch="////" if is_hatched else "", label=label, **look)
         label = None
     for place, (length, note) in enumerate(zip(item.lengths, item.notes, strict=False)):
         ax.annotate(note, (length, place + item.shift), (4, 0), textcoords="offset points", va="center", fontsize=8.5)

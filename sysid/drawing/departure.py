@@ -46,13 +46,13 @@ def departure(measured: np.ndarray, model: np.ndarray) -> Departure | None:
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
     finite = np.isfinite(model)
     with np.errstate(invalid="ignore", over="ignore"):
-        away = np.where(finite, np.abs(model - 0.5 * (low + high)), np.inf)
-    beyond = away > FAR * ((high - low) or 1.0)
+        distance = np.where(finite, np.abs(model - 0.5 * (low + high)), np.inf)
+    beyond = distance > FAR * ((high - low) or 1.0)
     if not beyond.any():
         return None
-    known = np.where(finite, away, -1.0)
-    lost = None if finite.all() else int(np.argmin(finite))
-    return Departure(int(np.argmax(beyond)), float(model[int(np.argmax(known))]), lost)
+    finite_distance = np.where(finite, distance, -1.0)
+    first_lost = None if finite.all() else int(np.argmin(finite))
+    return Departure(int(np.argmax(beyond)), float(model[int(np.argmax(finite_distance))]), first_lost)
 
 
 def frame(values: np.ndarray) -> tuple[float, float]:
@@ -66,8 +66,8 @@ def frame(values: np.ndarray) -> tuple[float, float]:
 
 def _ends(*lines: np.ndarray) -> tuple[float, float]:
     """The smallest and largest finite value of the lines; infinite where there is none."""
-    low = min(float(np.min(each, where=np.isfinite(each), initial=np.inf)) for each in lines)
-    high = max(float(np.max(each, where=np.isfinite(each), initial=-np.inf)) for each in lines)
+    low = min(float(np.min(values, where=np.isfinite(values), initial=np.inf)) for values in lines)
+    high = max(float(np.max(values, where=np.isfinite(values), initial=-np.inf)) for values in lines)
     return low, high
 
 
@@ -75,7 +75,7 @@ def spread_axis(ax: Axes, near: tuple[float, float], *lines: np.ndarray) -> None
     """Set a vertical axis that shows the lines from end to end: linear over `near`, logarithmic beyond."""
     low, high = near
     bottom, top = _ends(*(np.clip(line, -LARGEST, LARGEST) for line in lines))
-    scale = _Scale.over(low, high, bottom, top)
+    scale = _Scale.for_data(low, high, bottom, top)
     ax.set_yscale("function", functions=(scale.squeeze, scale.stretch))
     ends = scale.squeeze(np.array([min(bottom, low), max(top, high)]))
     ax.set_ylim(*scale.stretch(ends + np.array([-1.0, 1.0]) * 0.03 * np.ptp(ends)))
@@ -93,7 +93,7 @@ class _Scale:
     share: float
 
     @classmethod
-    def over(cls, low: float, high: float, bottom: float, top: float) -> _Scale:
+    def for_data(cls, low: float, high: float, bottom: float, top: float) -> _Scale:
         """The data from low to high get half of the height if the run leaves them on one side, a third on two."""
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
         decades = float(np.log10(max(abs(top - middle), abs(bottom - middle)) / half))

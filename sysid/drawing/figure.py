@@ -147,8 +147,10 @@ class Bars:
     def rows(self) -> list[tuple[float, str, bool, bool]]:
         """Length, colour, filled and hatched of each bar; the last entry of a short list counts for the rest."""
         n = len(self.lengths)
-        more = ([*each, *[each[-1]] * (n - len(each))] for each in (self.colours, self.filled, self.hatched))
-        return list(zip(self.lengths, *more, strict=True))
+        columns = (
+            [*entries, *[entries[-1]] * (n - len(entries))] for entries in (self.colours, self.filled, self.hatched)
+        )
+        return list(zip(self.lengths, *columns, strict=True))
 
 
 @dataclass(frozen=True)
@@ -257,9 +259,9 @@ def borders(lengths: Sequence[int], Ts: float, start: float = 0.0) -> list[Rule]
 
 def has_area(lower: np.ndarray, upper: np.ndarray) -> bool:
     """Whether something is to be seen between two curves (n,): samples that stand alone or have no width are not."""
-    seen = np.isfinite(lower) & np.isfinite(upper)
-    seen[seen] = upper[seen] > lower[seen]
-    return bool((seen[1:] & seen[:-1]).any())
+    visible = np.isfinite(lower) & np.isfinite(upper)
+    visible[visible] = upper[visible] > lower[visible]
+    return bool((visible[1:] & visible[:-1]).any())
 
 
 def scaled(values: np.ndarray, factor: float) -> np.ndarray:

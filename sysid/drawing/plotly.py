@@ -21,7 +21,7 @@ from sysid.drawing.figure import (
     Span,
     Stems,
 )
-from sysid.drawing.traces import AREAS, PAPER, squeezed, traces_of
+from sysid.drawing.traces import AREAS, PAPER, symlog, traces_of
 
 Plotly = dict[str, Any]
 GRID, FRAME = "#e4e7eb", "#9aa5b1"
@@ -36,22 +36,22 @@ MARGIN = {"l": 62, "r": 14, "t": 62, "b": 48}
 def plotly(figure: Figure) -> Plotly:
     """The figure with traces, axes, legend, and buttons where a panel can be seen in several ways."""
     panels = figure.panels
-    beside = len(panels) if figure.columns > 1 and not any(panel.y.names for panel in panels) else 1
-    shared = figure.shared and beside == 1
-    layout = _layout(figure, beside, shared)
-    unified = shared and any(panel.lines() for panel in panels)
+    columns = len(panels) if figure.columns > 1 and not any(panel.y.names for panel in panels) else 1
+    one_axis = figure.shared and columns == 1
+    layout = _layout(figure, columns, one_axis)
+    hover_over_all = one_axis and any(panel.lines() for panel in panels)
     traces, shapes = list[Plotly](), list[Plotly]()
     for k, panel in enumerate(panels):
-        place = {"xaxis": "x" if shared else _axis("x", k), "yaxis": _axis("y", k)}
+        place = {"xaxis": "x" if one_axis else _axis("x", k), "yaxis": _axis("y", k)}
         for item in panel.items:
             if isinstance(item, Rule | Span):
                 shapes.append(_shape(item, panel, place))
             else:
-                traces += [trace | place for trace in traces_of(item, panel, unified)]
+                traces += [trace | place for trace in traces_of(item, panel, hover_over_all)]
     layout["annotations"] += [note for mark in figure.marks if isinstance(mark, Rule) for note in _sides(mark)]
     layout["shapes"] = [*shapes, *(_shape(mark, None, {"xaxis": "x", "yaxis": "paper"}) for mark in figure.marks)]
     _name_once([*traces, *layout["shapes"]])
-    if unified:
+    if hover_over_all:
         layout |= {"hovermode": "x unified", "hoversubplots": "axis"}
     if any(isinstance(item, Stems) for panel in panels for item in panel.items):
         layout |= {"bargap": 0.55, "barmode": "overlay"}
@@ -96,20 +96,20 @@ def _axis(letter: str, k: int) -> str:
     return letter if k == 0 else f"{letter}{k + 1}"
 
 
-def _layout(figure: Figure, beside: int, shared: bool) -> Plotly:
+def _layout(figure: Figure, columns: int, one_axis: bool) -> Plotly:
     """Axes with their places, and titles; panels below each other, or `beside` of them beside each other."""
-    panels, titled = figure.panels, any(panel.title for panel in figure.panels)
-    gap = (28 if titled else 16) if shared else (68 if titled else 52)
-    sizes = [BESIDE] if beside > 1 else [_size(panel) for panel in panels]
+    panels, has_titles = figure.panels, any(panel.title for panel in figure.panels)
+    gap = (28 if has_titles else 16) if one_axis else (68 if has_titles else 52)
+    sizes = [BESIDE] if columns > 1 else [_size(panel) for panel in panels]
     area = sum(sizes) + gap * (len(sizes) - 1)
     layout = base_layout(round(area + MARGIN["t"] + MARGIN["b"]))
-    top, wide = 1.0, (1.0 - GAP * (beside - 1)) / beside
+    top, wide = 1.0, (1.0 - GAP * (columns - 1)) / columns
     for k, panel in enumerate(panels):
-        start = k * (wide + GAP) if beside > 1 else 0.0
-        low = 0.0 if beside > 1 else max(top - sizes[k] / area, 0.0)
+        start = k * (wide + GAP) if columns > 1 else 0.0
+        low = 0.0 if columns > 1 else max(top - sizes[k] / area, 0.0)
         x, y = (f"{letter}axis{'' if k == 0 else k + 1}" for letter in "xy")
         layout[y] = _side(panel.y, panel, "y") | {"domain": [low, top]}
-        if not shared:
+        if not one_axis:
             layout[x] = _side(panel.x, panel, "x") | {"domain": [start, start + wide], "anchor": _axis("y", k)}
             layout[y]["anchor"] = _axis("x", k)
             if panel.equal:
@@ -117,12 +117,12 @@ def _layout(figure: Figure, beside: int, shared: bool) -> Plotly:
                 layout[y]["scaleanchor"] = _axis("x", k)
         if panel.title:
             layout["annotations"].append(_title(panel.title, start, top))
-        top = 1.0 if beside > 1 else low - gap / area
-    if shared:
+        top = 1.0 if columns > 1 else low - gap / area
+    if one_axis:
         last = len(panels) - 1
         layout["xaxis"] = _side(panels[last].x, panels[last], "x") | {"anchor": _axis("y", last)}
-    if beside > 1:
-        layout["meta"] = {"beside": beside}
+    if columns > 1:
+        layout["meta"] = {"beside": columns}
     if panels[0].title:  # it stands where a narrow legend begins
         layout["margin"]["t"] += TITLE
         layout["height"] += TITLE
@@ -137,24 +137,24 @@ def _size(panel: Panel) -> float:
     return SQUARE if panel.equal else ROW * panel.weight
 
 
-def _side(axis: Axis, panel: Panel, which: str) -> Plotly:
+def _side(axis: Axis, panel: Panel, letter: str) -> Plotly:
     """One axis of a panel."""
-    found = side(axis.label)
+    settings = side(axis.label)
     limits = axis.whole or axis.limits
     if axis.ticks:
-        found["tickvals"] = list(axis.ticks)
+        settings["tickvals"] = list(axis.ticks)
     if panel.views and limits is None:
-        limits = getattr(panel.views[0], which)
+        limits = getattr(panel.views[0], letter)
     if axis.names:
-        return found | {"type": "category", "autorange": "reversed", "categoryarray": list(axis.names)}
+        return settings | {"type": "category", "autorange": "reversed", "categoryarray": list(axis.names)}
     if axis.linear_below is not None:
-        return found | _squeezed_axis(axis.linear_below, panel)
+        return settings | _symlog_axis(axis.linear_below, panel)
     if axis.log:
-        found["type"] = "log"
+        settings["type"] = "log"
         limits = None if limits is None else (float(np.log10(limits[0])), float(np.log10(limits[1])))
     if axis.near is not None:
-        return found | {"range": list(axis.near), "autorange": False}
-    return found if limits is None else found | {"range": list(limits)}
+        return settings | {"range": list(axis.near), "autorange": False}
+    return settings if limits is None else settings | {"range": list(limits)}
 
 
 def _title(text: str, x: float, y: float) -> Plotly:
@@ -164,22 +164,22 @@ def _title(text: str, x: float, y: float) -> Plotly:
 
 def _add_buttons(layout: Plotly, panels: Sequence[Panel]) -> None:
     """Buttons for the views of a panel, and for the data or the whole of runs that leave them."""
-    near, whole, options = dict[str, Any](), dict[str, Any](), list[tuple[str, Plotly]]()
+    data_ranges, free_ranges, options = dict[str, Any](), dict[str, Any](), list[tuple[str, Plotly]]()
     for k, panel in enumerate(panels):
         axis = f"yaxis{'' if k == 0 else k + 1}"
         if panel.y.near is not None:
-            near |= {f"{axis}.range": list(panel.y.near), f"{axis}.autorange": False}
-            whole |= {f"{axis}.autorange": True}
+            data_ranges |= {f"{axis}.range": list(panel.y.near), f"{axis}.autorange": False}
+            free_ranges |= {f"{axis}.autorange": True}
         if len(panel.views) > 1:
             first = {"xaxis.range": layout["xaxis"]["range"], "yaxis.range": layout["yaxis"]["range"]}
-            others = [{"xaxis.range": list(v.x), "yaxis.range": list(v.y)} for v in panel.views[1:]]
-            options += [(v.title, change) for v, change in zip(panel.views, [first, *others], strict=True)]
-    if near:
-        options = [("near the data", near), ("whole run", whole)]
+            changes = [{"xaxis.range": list(v.x), "yaxis.range": list(v.y)} for v in panel.views[1:]]
+            options += [(v.title, change) for v, change in zip(panel.views, [first, *changes], strict=True)]
+    if data_ranges:
+        options = [("near the data", data_ranges), ("whole run", free_ranges)]
         layout["margin"]["t"] += 34
     if options:
         buttons = [{"label": label, "method": "relayout", "args": [change]} for label, change in options]
-        place = {"x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom", "pad": {"b": 24 if near else 4}}
+        place = {"x": 0, "xanchor": "left", "y": 1.0, "yanchor": "bottom", "pad": {"b": 24 if data_ranges else 4}}
         layout["updatemenus"] = [{"type": "buttons", "direction": "right", "buttons": buttons, **place}]
 
 
@@ -194,19 +194,19 @@ def _name_once(things: Sequence[Plotly]) -> None:
 
 def _shape(item: Rule | Span, panel: Panel | None, place: dict[str, str]) -> Plotly:
     """A line or an area across a panel, or across all of them where `place` has no vertical axis."""
-    along, across = ("x", "y") if item.upright else ("y", "x")
+    letter, other_letter = ("x", "y") if item.upright else ("y", "x")
     ends = (item.at, item.at) if isinstance(item, Rule) else (item.low, item.high)
-    below = panel.x.linear_below if panel is not None and item.upright else None
-    if below is not None:
-        ends = tuple(squeezed(end, below) for end in ends)  # type: ignore[assignment]
-    axis = place[f"{across}axis"]
+    linear = panel.x.linear_below if panel is not None and item.upright else None
+    if linear is not None:
+        ends = tuple(symlog(end, linear) for end in ends)  # type: ignore[assignment]
+    axis = place[f"{other_letter}axis"]
     shape: Plotly = {
-        f"{along}ref": place[f"{along}axis"],
-        f"{across}ref": axis if axis == "paper" else f"{axis} domain",
-        f"{along}0": ends[0],
-        f"{along}1": ends[1],
-        f"{across}0": 0,
-        f"{across}1": 1,
+        f"{letter}ref": place[f"{letter}axis"],
+        f"{other_letter}ref": axis if axis == "paper" else f"{axis} domain",
+        f"{letter}0": ends[0],
+        f"{letter}1": ends[1],
+        f"{other_letter}0": 0,
+        f"{other_letter}1": 1,
         "showlegend": bool(item.label),
         **({"name": item.label} if item.label else {}),
     }
@@ -226,13 +226,13 @@ def _sides(rule: Rule) -> list[Plotly]:
     return [{"text": text, "xanchor": anchor, "font": {"size": 11}, **place} for text, anchor in words]
 
 
-def _squeezed_axis(below: float, panel: Panel) -> Plotly:
+def _symlog_axis(linear: float, panel: Panel) -> Plotly:
     """Range and ticks of such a horizontal axis of bars; a rule has a number of its own, so that it is read aright."""
     rules = [item.at for item in panel.items if isinstance(item, Rule)]
     lengths = [length for item in panel.items if isinstance(item, Bars) for length in item.lengths]
-    places = [squeezed(value, below) for value in [*lengths, *rules, 0.0]]
+    places = [symlog(value, linear) for value in [*lengths, *rules, 0.0]]
     low, high = min(places), max(places)
     span = [low - 0.08 * (high - low), high + 0.08 * (high - low)]
-    powers = (sign * below * 10.0**k for k in range(8) for sign in (-1.0, 1.0))
-    ticks = sorted({t for t in [0.0, *rules, *powers] if span[0] <= squeezed(t, below) <= span[1]})
-    return {"range": span, "tickvals": [squeezed(t, below) for t in ticks], "ticktext": [power(t) for t in ticks]}
+    powers = (sign * linear * 10.0**k for k in range(8) for sign in (-1.0, 1.0))
+    ticks = sorted({t for t in [0.0, *rules, *powers] if span[0] <= symlog(t, linear) <= span[1]})
+    return {"range": span, "tickvals": [symlog(t, linear) for t in ticks], "ticktext": [power(t) for t in ticks]}

@@ -56,7 +56,7 @@ def traces_of(item: Item, panel: Panel, unified: bool) -> list[Trace]:
             raise TypeError(f"{type(item).__name__} is drawn as a shape")
 
 
-def _named(label: str, key: bool = True) -> Trace:
+def _legend_entry(label: str, key: bool = True) -> Trace:
     return {"name": label, "legendgroup": label, "showlegend": bool(label) and key}
 
 
@@ -70,8 +70,8 @@ def _line(item: Line, panel: Panel, unified: bool) -> Trace:
         xs, ys = [*xs, x, x[-1:]], [*ys, v, np.full(1, np.nan)]
         start += n
     x, v = np.concatenate(xs)[:-1], np.concatenate(ys)[:-1]
-    drawn = len(x) - len(lengths) + 1
-    note = f"<br>thinned: {drawn:,} of {len(t):,} samples" if drawn < len(t) else ""
+    count = len(x) - len(lengths) + 1
+    note = f"<br>thinned: {count:,} of {len(t):,} samples" if count < len(t) else ""
     hover = f"%{{y:.5g}} {panel.y.unit}".rstrip()
     if not unified and panel.x.name:
         hover = f"{panel.x.name} %{{x:.4g}} {panel.x.unit}<br>{panel.y.name} {hover}"
@@ -82,14 +82,14 @@ def _line(item: Line, panel: Panel, unified: bool) -> Trace:
         "y": numbers(v),
         "line": {"color": item.colour, "width": item.width, "shape": "hv" if item.steps else "linear"},
         "hovertemplate": f"{hover}{note}",
-        **_named(item.label, item.key),
+        **_legend_entry(item.label, item.key),
     }
     if item.dash:
         trace["line"]["dash"] = "dash"
     if item.dash or not item.label:  # a reference
         del trace["hovertemplate"]
         trace["hoverinfo"] = "skip"
-    elif item.half is not None and np.isfinite(item.half).any() and drawn == len(t):
+    elif item.half is not None and np.isfinite(item.half).any() and count == len(t):
         trace["customdata"] = numbers(item.half)
         trace["hovertemplate"] += " ± %{customdata:.2g} (95 %)"
     return trace
@@ -118,7 +118,7 @@ def _band(item: Band) -> Trace:
         "fillcolor": AREAS[item.colour],
         "line": {"width": 0, "color": item.colour},
         "hoverinfo": "skip",
-        **_named(item.label, item.key),
+        **_legend_entry(item.label, item.key),
     }
 
 
@@ -132,7 +132,7 @@ def _points(item: Points, panel: Panel) -> Trace:
         "y": numbers(item.y),
         "marker": {"symbol": MARKS[item.mark], "size": 5 if small else 11, "color": item.colour, "line": line},
         "hovertemplate": f"%{{y:.5g}} {panel.y.unit}".rstrip(),
-        **_named(item.label, item.key),
+        **_legend_entry(item.label, item.key),
     }
     if item.texts:
         del trace["hovertemplate"]
@@ -153,7 +153,7 @@ def _region(item: Region) -> Trace:
         "opacity": 0.45,
         "hoverinfo": "skip",
         **({"fill": "toself", "fillcolor": AREAS[style.MODEL]} if item.b else {}),
-        **_named(item.label),
+        **_legend_entry(item.label),
     }
 
 
@@ -163,30 +163,30 @@ def _stems(item: Stems) -> list[Trace]:
     return [
         {
             "type": "bar",
-            "x": item.x[chosen].tolist(),
-            "y": numbers(item.y[chosen]),
+            "x": item.x[group].tolist(),
+            "y": numbers(item.y[group]),
             "marker": {"color": colour},
             "hovertemplate": f"lag %{{x}} samples<br>correlation %{{y:.3f}}<br>bound ±{item.bound:.3f}<extra></extra>",
-            **_named(name),
+            **_legend_entry(name),
         }
-        for chosen, colour, name in ((~outside, style.INK, "inside"), (outside, style.MODEL, "outside"))
+        for group, colour, name in ((~outside, style.INK, "inside"), (outside, style.MODEL, "outside"))
     ]
 
 
 def _bars(item: Bars, panel: Panel) -> Trace:
     """Horizontal bars; plotly draws no hatch on a bar without a colour."""
-    rows, below = item.rows(), panel.x.linear_below
-    lengths = [length if below is None else squeezed(length, below) for length, *_ in rows]
-    hatch = {"shape": ["/" if hatched else "" for *_, hatched in rows], "fgcolor": rows[0][1], "bgcolor": PAPER}
+    rows, linear = item.rows(), panel.x.linear_below
+    lengths = [length if linear is None else symlog(length, linear) for length, *_ in rows]
+    hatch = {"shape": ["/" if is_hatched else "" for *_, is_hatched in rows], "fgcolor": rows[0][1], "bgcolor": PAPER}
     marker = {
-        "color": [colour if filled or hatched else PAPER for _, colour, filled, hatched in rows],
+        "color": [colour if is_filled or is_hatched else PAPER for _, colour, is_filled, is_hatched in rows],
         "line": {"color": [colour for _, colour, *_ in rows], "width": 1.2},
         "pattern": hatch | {"size": 6},
     }
     texts = item.texts or item.notes
     hover: Trace = {"hovertext": list(texts), "hoverinfo": "text"} if texts else {}
     bars = {"type": "bar", "orientation": "h", "x": numbers(lengths), "y": list(panel.y.names), "marker": marker}
-    return bars | hover | ({"text": list(item.notes)} if item.notes else {}) | _named(item.label, item.key)
+    return bars | hover | ({"text": list(item.notes)} if item.notes else {}) | _legend_entry(item.label, item.key)
 
 
 def _histogram(item: Histogram) -> Trace:
@@ -194,7 +194,7 @@ def _histogram(item: Histogram) -> Trace:
     ends = [f"{low:.5g} to {high:.5g}: {n}" for low, high, n in zip(edges, edges[1:], item.counts, strict=False)]
     bars = {"type": "bar", "x": numbers(0.5 * (edges[1:] + edges[:-1])), "y": numbers(item.counts)}
     look = {"width": numbers(np.diff(edges)), "marker": {"color": item.colour}, "hovertext": ends, "hoverinfo": "text"}
-    return bars | look | _named("")
+    return bars | look | _legend_entry("")
 
 
 def _ranges(item: Ranges, panel: Panel) -> Trace:
@@ -207,7 +207,7 @@ def _ranges(item: Ranges, panel: Panel) -> Trace:
         "marker": {"color": item.colour, "size": 9, "symbol": "circle" if sure else "circle-open"},
         "hovertext": list(item.texts),
         "hoverinfo": "text",
-        **_named(item.label),
+        **_legend_entry(item.label),
     }
     if item.low is not None and item.high is not None:
         trace["error_x"] = {
@@ -228,7 +228,7 @@ def numbers(values: Any) -> list[float | None]:
     return [v if ok else None for v, ok in zip(array.tolist(), np.isfinite(array).tolist(), strict=True)]
 
 
-def squeezed(value: float, below: float) -> float:
+def symlog(value: float, below: float) -> float:
     """Linear up to `below`, logarithmic beyond: plotly has no such axis."""
     size = abs(value) / below
     return float(np.sign(value) * (size if size <= 1.0 else 1.0 + np.log10(size)))

@@ -81,20 +81,20 @@ class FitView:
             facts.append(("fit, free run", f"{percent(score)} on its own record"))
         elif data is not None and data.y.shape[1] > 1:
             fits = fit.fit_percents(data)
-            score, each = float(np.mean(fits)), ", ".join(percent(float(value)) for value in fits[:6])
-            facts.append(("fit, free run", f"{each} of its own outputs in turn"))
+            score, percentages = float(np.mean(fits)), ", ".join(percent(float(value)) for value in fits[:6])
+            facts.append(("fit, free run", f"{percentages} of its own outputs in turn"))
         facts += [
             ("RMSE", rmse_in_words(fit)),
             ("criteria", criteria_in_words(fit)),
             ("search", search_in_words(fit)),
         ]
-        if (known := gain_fact(fit, data)) is not None:
-            facts.append(known)
+        if (gain := gain_fact(fit, data)) is not None:
+            facts.append(gain)
         noise = noise_of(fit, data)
         sentences = [] if noise is None else [noise.sentence()]
         sentences += [f"Warning: {text}." for text in fit.warnings[:WARNINGS]]
-        found, how = modes_with_words(fit, data)
-        table = pole_table(found, how)
+        poles, assumption = modes_with_words(fit, data)
+        table = pole_table(poles, assumption)
         calls = "fit.plot(), fit.parameters, fit.residual_tests(data), fit.refine(), fit.report('fit.html')"
         return Card(
             structure_in_words(fit),
@@ -103,7 +103,7 @@ class FitView:
             sentences,
             [parameter_table(fit)],
             call=f"Next: {calls}",
-            first=doubts(fit, data, score, found),
+            first=doubts(fit, data, score, poles),
         )
 
     @staticmethod
@@ -125,12 +125,12 @@ class FitView:
         if what == "poles":
             return figure(pole_zero_map, intervals.poles(info), intervals.zeros(info), say=SAY[what])
         if what == "maps":
-            found = curves.curves(info)
-            if not found:
+            maps = curves.curves(info)
+            if not maps:
                 raise InputError(
                     "this model has no static map; choose another figure, for example fit.plot(data, 'bode')"
                 )
-            return figure(static_maps, found, say=SAY[what])
+            return figure(static_maps, maps, say=SAY[what])
         point = _level(info) if at is None else float(at)
         units = {"y_unit": data.y_unit, "u_unit": data.u_unit}
         if what == "bode":
@@ -149,16 +149,16 @@ class FitView:
             raise InputError("refine starts from the fit itself; leave start and starts out, or use sysid.fit")
         record = fit.record_or(data)
         check_units(record, fit.origin)
-        found = fit_model(fit.model, record, start=fit, **options)
+        new = fit_model(fit.model, record, start=fit, **options)
         # The fit keeps the initial state of its first experiment: those of the others are searched again.
         if (
             record is not fit.record
             or options.get("objective") is not None
-            or found.criteria.mse <= _SAME * fit.criteria.mse
+            or new.criteria.mse <= _SAME * fit.criteria.mse
         ):
-            return found
+            return new
         text = (
-            f"a further search ended at a mean square error of {found.criteria.mse:.4g}, above {fit.criteria.mse:.4g}: "
+            f"a further search ended at a mean square error of {new.criteria.mse:.4g}, above {fit.criteria.mse:.4g}: "
             "this is the fit that it began from"
         )
         return replace(fit, warnings=(*(w for w in fit.warnings if w[:16] != text[:16]), text)).remember(record)

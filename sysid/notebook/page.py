@@ -47,9 +47,9 @@ _COLUMNS = 125  # letters of the sentence on a line
 
 def write_page(fit: Fit | NlarxFit, path: str | PathLike, data: IOData, validation: IOData | None) -> Path:
     """Writes the page of a fit on `data` and `validation` to `path`, whole or not at all; returns the path."""
-    for each in (data, validation):
-        if each is not None:
-            siso(each)
+    for record in (data, validation):
+        if record is not None:
+            siso(record)
     found = identified(fit, data, validation)
     what = replace(page(found, Exports()), title=f"Fit of {data.y_name} to {data.u_name}")
     return write_text(path, what.html())
@@ -57,10 +57,10 @@ def write_page(fit: Fit | NlarxFit, path: str | PathLike, data: IOData, validati
 
 def identified(fit: Fit | NlarxFit, data: IOData, validation: IOData | None) -> Identification:
     """The fit with everything that the page shows."""
-    other = data if validation is None else validation
-    check_parts(data, other)
+    test_data = data if validation is None else validation
+    check_parts(data, test_data)
     setting = Setting(recipe_of(fit), fit.search, max(len(fit.losses), 1))
-    evaluation = evaluate_fit(setting, fit, data, other)
+    evaluation = evaluate_fit(setting, fit, data, test_data)
     notes: Sequence[str] = evaluation.notes if validation is not None else (NO_VALIDATION, *evaluation.notes)
     evaluation = replace(evaluation, notes=tuple(notes))
     place = Path("memory")
@@ -77,19 +77,19 @@ def _next(e: Evaluation) -> NextStep | None:
     return NextStep("this structure does not explain the record", "sysid.select(data, seconds=120).fit")
 
 
-def figure(draw: Callable[..., Axes | Sequence[Axes]], *given: Any, say: str = "", **options: Any) -> Figure:
+def figure(draw: Callable[..., Axes | Sequence[Axes]], *arguments: Any, say: str = "", **options: Any) -> Figure:
     """The figure that `draw` makes of what it is given, and the sentence `say` below it."""
     with for_a_person():
-        axes = draw(*given, **options)
+        axes = draw(*arguments, **options)
     first: Any = axes[0] if isinstance(axes, Sequence) else axes
-    made: Figure = first.figure
+    drawing: Figure = first.figure
     if say:
-        made.supxlabel(fill(say, _COLUMNS), fontsize=8.0, color=style.SECOND, x=0.01, ha="left")
-    return made
+        drawing.supxlabel(fill(say, _COLUMNS), fontsize=8.0, color=style.SECOND, x=0.01, ha="left")
+    return drawing
 
 
 @dataclass(frozen=True)
-class Given(Recipe):
+class ExistingModel(Recipe):
     """The recipe of a model that exists already: words for a page, and no settings.
 
     `of` is the structure's name, whose physical values a page may show.
@@ -116,9 +116,9 @@ class Given(Recipe):
         return TABLE[self.of]().physics() if self.of in TABLE else None
 
 
-def recipe_of(fit: Fit | NlarxFit) -> Given:
+def recipe_of(fit: Fit | NlarxFit) -> ExistingModel:
     """What a page needs to know of a model."""
-    return Given(structure_in_words(fit), fit.model.structure)
+    return ExistingModel(structure_in_words(fit), fit.model.structure)
 
 
 def structure_in_words(fit: Fit | NlarxFit) -> str:
@@ -127,32 +127,32 @@ def structure_in_words(fit: Fit | NlarxFit) -> str:
         m = fit.model
         return f"NLARX (na {m.na}, nb {m.nb}, nk {m.nk}), wavelet network of {fit.network.units} units"
     name = fit.model.structure.replace("_", "-").title()
-    return ", ".join([f"{name}{orders(fit)}", *_others(fit)])
+    return ", ".join([f"{name}{orders(fit)}", *_other_blocks(fit)])
 
 
 def orders(fit: Fit) -> str:
     """The orders of a single transfer function in brackets, else nothing."""
-    found = [b for b in fit.model.blocks if isinstance(b, TransferFunction)]
-    if len(found) != 1:
+    filters = [b for b in fit.model.blocks if isinstance(b, TransferFunction)]
+    if len(filters) != 1:
         return ""
-    return f" (nb {found[0].nb}, nf {found[0].nf}, nk {found[0].nk})"
+    return f" (nb {filters[0].nb}, nf {filters[0].nf}, nk {filters[0].nk})"
 
 
-def _others(fit: Fit) -> list[str]:
+def _other_blocks(fit: Fit) -> list[str]:
     """The other blocks by role."""
     several = sum(isinstance(b, TransferFunction) for b in fit.model.blocks) > 1
-    found = []
+    names = []
     for b in fit.model.blocks:
         if isinstance(b, TransferMatrix):
-            found.append(f"{b.channels[1]} x {b.channels[0]} transfer functions")
+            names.append(f"{b.channels[1]} x {b.channels[0]} transfer functions")
         elif isinstance(b, TransferFunction):
-            found += [f"{b.role} (nb {b.nb}, nf {b.nf}, nk {b.nk})"] if several else []
+            names += [f"{b.role} (nb {b.nb}, nf {b.nf}, nk {b.nk})"] if several else []
         else:
             kinds = dict.fromkeys(_kind(m) for m in b.maps) if isinstance(b, Channels) else [_kind(b)]
             role = b.role.replace("_", " ")
             kind = "/".join(kinds)
-            found.append(kind if role in kind.split() else f"{role} {kind}")
-    return found
+            names.append(kind if role in kind.split() else f"{role} {kind}")
+    return names
 
 
 def _kind(block: Any) -> str:

@@ -32,11 +32,11 @@ def modes_of(fit: Fit, data: IOData | None) -> tuple[tuple[Mode, ...], str]:
     return modes(fit), "white residuals assumed"
 
 
-def pole_table(found: Sequence[Mode], how: str = "") -> Table | None:
+def pole_table(modes: Sequence[Mode], assumption: str = "") -> Table | None:
     """Every pole with its deviations, each pair once; None for a model without a linear block."""
-    rows = [_row(m) for m in found if m.pole.imag > -1e-9]
+    rows = [_row(m) for m in modes if m.pole.imag > -1e-9]
     caption = "Poles with standard deviations"
-    return Table(HEADINGS, rows, f"{caption}, {how}" if how else caption) if rows else None
+    return Table(HEADINGS, rows, f"{caption}, {assumption}" if assumption else caption) if rows else None
 
 
 def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
@@ -52,12 +52,12 @@ def gain_fact(fit: Fit, data: IOData | None) -> tuple[str, str] | None:
         if data is not None
         else display_quantity("", "")
     )
-    at = f" at u = {number(g.u)}" if g.u else ""
+    place = f" at u = {number(g.u)}" if g.u else ""
     if lost(g.value, g.std) or (g.value == 0.0 and g.std == 0.0):
-        why = "the maps are flat there" if g.value == 0.0 else "its standard deviation is larger than the value"
-        return "DC gain", f"{UNKNOWN} at u = {number(g.u)}: {why}"
+        reason = "the maps are flat there" if g.value == 0.0 else "its standard deviation is larger than the value"
+        return "DC gain", f"{UNKNOWN} at u = {number(g.u)}: {reason}"
     spread = f" ± {number(g.std * unit.factor, 2)}" if math.isfinite(g.std) else ", std not determined"
-    return "DC gain", f"{number(g.value * unit.factor)}{spread}{f' {unit.unit}' if unit.unit else ''}{at}"
+    return "DC gain", f"{number(g.value * unit.factor)}{spread}{f' {unit.unit}' if unit.unit else ''}{place}"
 
 
 def noise_of(fit: Fit, data: IOData | None) -> Noise | None:
@@ -83,25 +83,25 @@ def _cells(value: float, std: float) -> tuple[str, str]:
     return (UNKNOWN, "–") if lost(value, std) else (number(value), number(std, 2))
 
 
-def doubts(fit: Fit, data: IOData | None, score: float | None, found: Sequence[Mode]) -> list[str]:
+def doubts(fit: Fit, data: IOData | None, score: float | None, modes: Sequence[Mode]) -> list[str]:
     """Sentences about a fit of `score` [%] on its record `data` and with the poles `found`; none about a good fit."""
-    said, open_ = [], [m for m in found if not determined(m) and m.pole.imag > -1e-9]
+    sentences, open_ = [], [m for m in modes if not determined(m) and m.pole.imag > -1e-9]
     # The tests of a good fit are not asked for: they take time.
     bad = score is not None and poor(score, None) and poor(score, _tests(fit, data))
     if bad and score is not None:
-        said.append(f"Warning: the free run explains only {percent(score)} of the model's own record.")
+        sentences.append(f"Warning: the free run explains only {percent(score)} of the model's own record.")
     if not fit.stop.converged:
         call = "fit.refine(options=sysid.Options(max_iterations=500))"
-        said.append(f"Warning: the search did not converge; go on with {call}.")
+        sentences.append(f"Warning: the search did not converge; go on with {call}.")
     if open_:
-        which = ", ".join(number(m.pole.real) for m in open_)
-        said.append(
-            f"Warning: the record does not determine how fast the pole at {which} is: the standard deviation is larger "
+        poles = ", ".join(number(m.pole.real) for m in open_)
+        sentences.append(
+            f"Warning: the record does not determine how fast the pole at {poles} is: the standard deviation is larger "
             "than the value."
         )
     if bad or open_:
-        said.append(_next(fit, data))
-    return said
+        sentences.append(_next(fit, data))
+    return sentences
 
 
 def determined(mode: Mode) -> bool:

@@ -220,13 +220,13 @@ class ResidualTestsView:
                 "residuals with themselves",
                 _white(tests),
                 f"{tests.whiteness_outside} of {n}",
-                _bound(tests.whiteness_bound),
+                _bound_text(tests.whiteness_bound),
             ),
             (
                 "residuals with the input",
                 _independent(tests),
                 f"{tests.independence_outside} of {both}",
-                _bound(tests.independence_bound),
+                _bound_text(tests.independence_bound),
             ),
         ]
         table = Table(("correlation", "verdict", "lags outside", f"bound, {level}"), rows, text_columns=2)
@@ -246,7 +246,7 @@ def _independent(tests: ResidualTests) -> str:
     return "independent" if tests.independent else "not independent"
 
 
-def _bound(value: float) -> str:
+def _bound_text(value: float) -> str:
     return f"± {number(value, 2)}"
 
 

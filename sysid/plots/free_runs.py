@@ -81,18 +81,18 @@ def fitted(
     ny = data.y.shape[1]
     if len(fits) != ny:
         raise InputError(f"fits has {len(fits)} values for {ny} output(s); give one for each")
-    runs, data = reshaped(data, run) + data.y_offset, retrend(data)
+    runs, data = as_outputs(data, run) + data.y_offset, retrend(data)
     starts = (data.Ts * np.cumsum([0, *data.lengths])[:-1]).tolist()
-    shaded = [Span(start, start + skipped * data.Ts) for start in starts if skipped]
+    initial_spans = [Span(start, start + skipped * data.Ts) for start in starts if skipped]
     panels = list[Panel]()
     y, number = output(data), [f" {j + 1}" if ny > 1 else "" for j in range(ny)]
     for j in range(ny):
-        over = over_panel(
+        run_axes = over_panel(
             data.t, data.y[:, j], {f"free run, fit {percent(fits[j])}": runs[:, j]}, y, f"output{number[j]}"
         )
-        under = error_panel(data.t, data.y[:, j], runs[:, j], y, f"error{number[j]}", "measured minus free run")
-        panels += [replace(over, weight=1.4), under]
-    return draw(Figure(panels, height=0.6 + 3.4 * ny, marks=shaded), axes)
+        error_axes = error_panel(data.t, data.y[:, j], runs[:, j], y, f"error{number[j]}", "measured minus free run")
+        panels += [replace(run_axes, weight=1.4), error_axes]
+    return draw(Figure(panels, height=0.6 + 3.4 * ny, marks=initial_spans), axes)
 
 
 @checked(deferred=("axes",))
@@ -143,8 +143,8 @@ def parts_of_run_figure(estimation: Run, validation: Run, one_step: Run | None =
         limits = frame(np.concatenate([measured - measured.mean(), panels[-1].lines()[0].y]))
         panels[-1] = replace(panels[-1], y=replace(panels[-1].y, limits=limits))
     if one_step is not None:
-        named = replace(one_step, title="one step ahead, NOT a free run", what="one step ahead")
-        panels.append(run_panel(named, colour=style.INPUT))
+        prediction = replace(one_step, title="one step ahead, NOT a free run", what="one step ahead")
+        panels.append(run_panel(prediction, colour=style.INPUT))
     panels = [replace(p, x=Axis.time(TIME if p is panels[-1] else "")) for p in panels]
     return Figure(panels, shared=False, height=1.8 * len(panels), lettered=True)
 
@@ -157,7 +157,7 @@ def free_runs_figure(runs: Sequence[Run], seconds: float | None = None, time: st
 
 def close_ups_figure(data: IOData, run: np.ndarray, time: str = TIME) -> Figure:
     """The first upper and lower peak beside each other."""
-    data, run = retrend(data), reshaped(data, run)[:, 0] + data.y_offset[0]
+    data, run = retrend(data), as_outputs(data, run)[:, 0] + data.y_offset[0]
     y, width, panels = output(data), _peak_width(data.y[:, 0]), list[Panel]()
     for title, sign in (("upper peak", 1.0), ("lower peak", -1.0)):
         centre = _first_peak(sign * data.y[:, 0])
@@ -173,9 +173,9 @@ def run_panel(run: Run, n: int | None = None, time: str = TIME, colour: str = st
     """Measured and model output as recorded, over the first n samples, by default all."""
     run = run.recorded()
     data, y = run.data, output(run.data)
-    over = over_panel(data.t, data.y[:, 0], {run.label: run.y}, y, run.title, colours=(colour,))
-    short = [replace(line, x=line.x[:n], y=line.y[:n]) for line in over.lines()]
-    return replace(over, items=short, x=Axis.time(time))
+    panel = over_panel(data.t, data.y[:, 0], {run.label: run.y}, y, run.title, colours=(colour,))
+    short = [replace(line, x=line.x[:n], y=line.y[:n]) for line in panel.lines()]
+    return replace(panel, items=short, x=Axis.time(time))
 
 
 def over_panel(
@@ -186,11 +186,11 @@ def over_panel(
     title: str = "",
     lengths: Sequence[int] = (),
     colours: Sequence[str] = style.COLOURS,
-    named: str = MEASURED,
+    measured_name: str = MEASURED,
 ) -> Panel:
     """A measured output (N,) and the runs (N,) of models over it; where one leaves it far, the axis is near it."""
     colours = [colours[k % len(colours)] for k in range(len(models))]
-    items = [Line(t, scaled(measured, y.factor), named, style.INK, lengths=lengths)]
+    items = [Line(t, scaled(measured, y.factor), measured_name, style.INK, lengths=lengths)]
     items += [
         Line(t, scaled(run, y.factor), name, colour, lengths=lengths)
         for (name, run), colour in zip(models.items(), colours, strict=True)
@@ -234,33 +234,35 @@ def runs_figure(
 
     `measured` is the name of the record in the legend.
     """
-    models = {name: reshaped(data, run) + data.y_offset for name, run in models.items()}
+    models = {name: as_outputs(data, run) + data.y_offset for name, run in models.items()}
     data = retrend(data)
-    over, under, inputs, said = list[Panel](), list[Panel](), list[Panel](), list[str]()
-    other = next(iter(models)).partition(", fit")[0] if len(models) == 1 else "model"
+    run_panels, error_panels, input_panels, sentences = list[Panel](), list[Panel](), list[Panel](), list[str]()
+    model_name = next(iter(models)).partition(", fit")[0] if len(models) == 1 else "model"
     for c in channels(data):
         if c.is_input:
             line = Line(data.t, c.of(data), c.quantity.name, style.INPUT, steps=True, lengths=data.lengths, key=False)
-            inputs.append(Panel([line], Axis.of(c.quantity), Axis.time(), c.title, 0.6))
+            input_panels.append(Panel([line], Axis.of(c.quantity), Axis.time(), c.title, 0.6))
             continue
         y, runs = data.y[:, c.k], {name: run[:, c.k] for name, run in models.items()}
-        seen = np.where(data.observed[:, c.k], y, np.nan)
-        over.append(over_panel(data.t, seen, runs, c.quantity, c.title, data.lengths, colours, measured))
+        observed = np.where(data.observed[:, c.k], y, np.nan)
+        run_panels.append(over_panel(data.t, observed, runs, c.quantity, c.title, data.lengths, colours, measured))
         errors = [
             Line(data.t, scaled(y - run, c.quantity.factor), name, colour, 1.0, lengths=data.lengths, key=False)
-            for (name, run), colour in zip(runs.items(), [line.colour for line in over[-1].lines()[1:]], strict=True)
+            for (name, run), colour in zip(
+                runs.items(), [line.colour for line in run_panels[-1].lines()[1:]], strict=True
+            )
         ]
         axis = _error_axis(y, list(runs.values()), c.quantity)
-        under.append(Panel(errors, axis, Axis.time(), f"error, {measured} minus {other}", 0.8))
-        said += _departures(y, runs, data.Ts, c.quantity)
-    panels, marks = [*over, *under, *inputs], borders(data.lengths, data.Ts)
-    return Figure(panels, height=0.9 + 1.6 * sum(p.weight for p in panels), lettered=True, marks=marks, said=said)
+        error_panels.append(Panel(errors, axis, Axis.time(), f"error, {measured} minus {model_name}", 0.8))
+        sentences += _departures(y, runs, data.Ts, c.quantity)
+    panels, marks = [*run_panels, *error_panels, *input_panels], borders(data.lengths, data.Ts)
+    return Figure(panels, height=0.9 + 1.6 * sum(p.weight for p in panels), lettered=True, marks=marks, said=sentences)
 
 
 def _departures(measured: np.ndarray, runs: Mapping[str, np.ndarray], Ts: float, y: Quantity) -> list[str]:
     """A sentence for each run that leaves the data far."""
-    found = {name.partition(", fit")[0]: departure(measured, run) for name, run in runs.items()}
-    return [each.sentence(name, Ts, y) for name, each in found.items() if each is not None]
+    departures = {name.partition(", fit")[0]: departure(measured, run) for name, run in runs.items()}
+    return [away_run.sentence(name, Ts, y) for name, away_run in departures.items() if away_run is not None]
 
 
 def output(data: IOData) -> Quantity:
@@ -268,7 +270,7 @@ def output(data: IOData) -> Quantity:
     return display_quantity(data.y_name, data.y_unit)
 
 
-def reshaped(data: IOData, run: np.ndarray) -> np.ndarray:
+def as_outputs(data: IOData, run: np.ndarray) -> np.ndarray:
     """A free run in the shape of the output (N, ny); raises InputError for another number of samples."""
     if np.size(run) != data.y.size:
         raise InputError(f"run has {np.size(run)} values over an output of {data.y.size}; give one for each of them")
@@ -282,8 +284,8 @@ def _first_peak(y: np.ndarray) -> int:
     """
     high = np.concatenate([[False], y >= y.max() - 0.15 * np.ptp(y), [False]])
     starts, stops = np.flatnonzero(np.diff(high.astype(int)) == 1), np.flatnonzero(np.diff(high.astype(int)) == -1)
-    whole = np.flatnonzero((starts > 0) & (stops < len(y)))
-    k = int(whole[0]) if len(whole) else 0
+    complete = np.flatnonzero((starts > 0) & (stops < len(y)))
+    k = int(complete[0]) if len(complete) else 0
     return int(starts[k] + stops[k]) // 2
 
 

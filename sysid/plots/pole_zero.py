@@ -47,7 +47,7 @@ def pole_zero(
             raise InputError(f"zoom is {zoom} and there are {len(poles)} poles; give the index of one, from 0")
         centre, size = _value(poles[zoom]), _ellipse(poles[zoom])[0]
         reach = 3.0 * size if 0.0 < size < 1.0 else 0.1
-        view = View(view.title, _around(centre.real, reach), _around(centre.imag, reach))
+        view = View(view.title, _interval(centre.real, reach), _interval(centre.imag, reach))
     return draw(replace(figure, panels=[replace(panel, views=[view])], height=5.0, legend="panels"), axes)[0]
 
 
@@ -73,28 +73,28 @@ def roots_figure(
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     items: list[Item] = [Line(np.cos(angle), np.sin(angle), colour=style.SECOND, width=1.0)]
     items += [Rule(0.0, upright, width=0.5) for upright in (False, True)]
-    named: list[tuple[str, Roots, Mark, str]] = [
+    groups: list[tuple[str, Roots, Mark, str]] = [
         ("pole", poles, "cross", style.MODEL),
         ("zero", zeros, "ring", style.INPUT),
     ]
-    others = [(name, np.atleast_1d(values)) for name, values in (references or {}).items()]
-    named += [(name, values, mark, style.INK) for (name, values), mark in zip(others, OTHERS, strict=False)]
-    for name, roots, mark, colour in named:
+    reference_roots = [(name, np.atleast_1d(values)) for name, values in (references or {}).items()]
+    groups += [(name, values, mark, style.INK) for (name, values), mark in zip(reference_roots, OTHERS, strict=False)]
+    for name, roots, mark, colour in groups:
         z = np.array([_value(root) for root in roots], dtype=complex)
         texts = [] if Ts is None else [_meaning(root, name, Ts) for root in roots]
         items += [*_regions(roots, colour), Points(z.real, z.imag, name, colour, mark, texts)]
-    every = np.array([_value(root) for _, roots, *_ in named for root in roots] or [0j])
+    every = np.array([_value(root) for _, roots, *_ in groups for root in roots] or [0j])
     reach = REACH * max(1.0, float(np.abs(every).max()))
-    x, y = (Axis(f"{part} part [1]", whole=_around(0.0, reach)) for part in ("real", "imaginary"))
+    x, y = (Axis(f"{part} part [1]", whole=_interval(0.0, reach)) for part in ("real", "imaginary"))
     panel = Panel(items, y, x, equal=True, views=_views(every))
     return Figure([panel], shared=False, height=3.6, lettered=True, legend="above")
 
 
 def _views(every: np.ndarray) -> list[View]:
     """The unit circle, with the number of roots outside of the frame, and the slow roots where there are some."""
-    far = int(np.sum(np.maximum(np.abs(every.real), np.abs(every.imag)) > REACH))
-    whole = _around(0.0, REACH)
-    views = [View("unit circle", whole, whole, f"{far} beyond the frame" if far else "")]
+    count = int(np.sum(np.maximum(np.abs(every.real), np.abs(every.imag)) > REACH))
+    frame = _interval(0.0, REACH)
+    views = [View("unit circle", frame, frame, f"{count} beyond the frame" if count else "")]
     if np.any((np.abs(every.imag) < NEAR) & (np.abs(every.real - (1 - 0.5 * NEAR)) < NEAR)):
         views.append(View("near z = 1: slow poles", (1 - 1.5 * NEAR, 1 + 0.5 * NEAR), (-NEAR, NEAR)))
     return views
@@ -116,18 +116,22 @@ def _meaning(root: Root | complex, name: str, Ts: float) -> str:
     z = _value(root)
     sign = "" if abs(z.imag) < 5e-5 else f" {'−' if z.imag < 0 else '+'} {abs(z.imag):.4f}i"
     lines = [f"<b>{name}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
-    known = root if isinstance(root, Root) else None
+    estimate = root if isinstance(root, Root) else None
     if z != 0 and abs(z) != 1.0:
         s = np.log(complex(z)) / Ts
         frequency, damping, lag = abs(s), -s.real / abs(s), -Ts / np.log(abs(z))
         lines += [
-            f"natural frequency {number(frequency, 4)} rad/s{_spread(known.frequency) if known else ''}",
-            f"damping ratio {number(damping, 3)}{_spread(known.damping) if known else ''}",
-            f"time constant {number(lag, 4)} s{_spread(known.time_constant) if known else ''}" if lag > 0 else "grows",
+            f"natural frequency {number(frequency, 4)} rad/s{_spread(estimate.frequency) if estimate else ''}",
+            f"damping ratio {number(damping, 3)}{_spread(estimate.damping) if estimate else ''}",
+            f"time constant {number(lag, 4)} s{_spread(estimate.time_constant) if estimate else ''}"
+            if lag > 0
+            else "grows",
         ]
-    if known is not None:
-        lines.append(f"standard deviation of z {number(known.std, 2)}" if np.isfinite(known.std) else "no interval")
-        lines += [known.note] if known.note else []
+    if estimate is not None:
+        lines.append(
+            f"standard deviation of z {number(estimate.std, 2)}" if np.isfinite(estimate.std) else "no interval"
+        )
+        lines += [estimate.note] if estimate.note else []
     return "<br>".join(lines)
 
 
@@ -148,5 +152,5 @@ def _ellipse(root: Root | complex) -> tuple[float, float, float]:
     return root.ellipse() if isinstance(root, Root) else (0.0, 0.0, 0.0)
 
 
-def _around(centre: float, reach: float) -> tuple[float, float]:
+def _interval(centre: float, reach: float) -> tuple[float, float]:
     return centre - reach, centre + reach

@@ -40,10 +40,10 @@ def parts(estimation: IOData, validation: IOData, axes: Sequence[Axes] | None = 
 def record_figure(data: IOData, seconds: float | None = None) -> Figure:
     """A panel for each input and output, as recorded."""
     n = first(data, seconds)
-    whole, lengths = retrend(data), _lengths(data, n)
+    original, lengths = retrend(data), _lengths(data, n)
     panels = [
         Panel(
-            [_line(whole, c, 0.0, c.quantity.name, c.colour, lengths, key=False)],
+            [_line(original, c, 0.0, c.quantity.name, c.colour, lengths, key=False)],
             Axis.of(c.quantity),
             Axis.time(),
             c.title,
@@ -58,13 +58,13 @@ def parts_figure(estimation: IOData, validation: IOData) -> Figure:
     """A panel for each channel, the estimation part before the validation part."""
     start, marks = estimation.N * estimation.Ts, borders(estimation.lengths, estimation.Ts)
     marks += [Rule(start - 0.5 * estimation.Ts), *borders(validation.lengths, validation.Ts, start)]
-    both = [
+    halves = [
         (retrend(estimation), 0.0, "estimation", style.INK),
         (retrend(validation), start, "validation", style.INPUT),
     ]
     panels = [
         Panel(
-            [_line(data, c, t0, name, colour, data.lengths) for data, t0, name, colour in both],
+            [_line(data, c, t0, name, colour, data.lengths) for data, t0, name, colour in halves],
             Axis.of(c.quantity),
             Axis.time(),
             c.title,
@@ -80,8 +80,8 @@ def lines_figure(
     """Signals (N,) of one kind over time t (N,) [s] in one panel, by name; `name` and `unit` label the axis."""
     quantity, colours = display_quantity(name, unit), (style.INK, *style.COLOURS)
     items = [
-        Line(t, scaled(y, quantity.factor), each, colours[k % len(colours)], key=len(signals) > 1)
-        for k, (each, y) in enumerate(signals.items())
+        Line(t, scaled(y, quantity.factor), label, colours[k % len(colours)], key=len(signals) > 1)
+        for k, (label, y) in enumerate(signals.items())
     ]
     return Figure([Panel(items, Axis.of(quantity), Axis.time(), title, 1.3)])
 
@@ -98,15 +98,15 @@ class Signal:
 
 
 def stack_figure(
-    t: np.ndarray, signals: Sequence[Signal], marked: np.ndarray | None = None, mark: str = FILLED
+    t: np.ndarray, signals: Sequence[Signal], dotted: np.ndarray | None = None, mark: str = FILLED
 ) -> Figure:
     """Any signals over one time axis t (N,) [s], one panel each; samples `marked` (N,) get a dot named `mark`."""
     panels = list[Panel]()
     for signal in signals:
         values = scaled(signal.values, signal.quantity.factor)
         items: list[Item] = [Line(t, values, signal.quantity.name, signal.colour, steps=signal.steps, key=False)]
-        if marked is not None and marked.any():
-            items.append(Points(t[marked], values[marked], mark))
+        if dotted is not None and dotted.any():
+            items.append(Points(t[dotted], values[dotted], mark))
         panels.append(Panel(items, Axis.of(signal.quantity), Axis.time(), signal.title))
     return Figure(panels, height=0.6 + 1.5 * len(panels), lettered=True)
 
@@ -164,12 +164,12 @@ def _line(
 
 def _quantities(name: str | Sequence[str], unit: str | Sequence[str], n: int) -> list[Quantity]:
     """One quantity for each of n channels; a single name is numbered, a list in one string is taken apart."""
-    names, units = (_each(text, n) for text in (name, unit))
+    names, units = (_split_text(text, n) for text in (name, unit))
     if n > 1 and len(set(names)) == 1:
         names = [f"{names[0]}{k + 1}" for k in range(n)]
     return [display_quantity(*pair) for pair in zip(names, units, strict=True)]
 
 
-def _each(text: str | Sequence[str], n: int) -> list[str]:
+def _split_text(text: str | Sequence[str], n: int) -> list[str]:
     parts = [part.strip() for part in text.split(",")] if isinstance(text, str) else list(text)
     return parts if len(parts) == n else [text if isinstance(text, str) else ", ".join(text)] * n

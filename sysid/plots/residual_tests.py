@@ -35,18 +35,18 @@ def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = No
 def residuals_figure(tests: ResidualTests) -> Figure:
     """Residuals with themselves over residuals with the input, each over lags of its own."""
     white, independent = tests.verdicts
-    title, other = f"residuals with themselves: {white}", f"residuals with the input; {independent}"
+    title, cross_title = f"residuals with themselves: {white}", f"residuals with the input; {independent}"
     # Lag 0 of the residuals with themselves is 1 by definition.
-    own = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, title)
-    cross = _panel(tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level, other)
-    return Figure([own, cross], shared=False, height=4.6, lettered=True)
+    auto = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, title)
+    cross = _panel(tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level, cross_title)
+    return Figure([auto, cross], shared=False, height=4.6, lettered=True)
 
 
 def _panel(lags: np.ndarray, r: np.ndarray, bound: float, level: float, title: str) -> Panel:
     """Correlations over their lags [samples], with the bound for one of them."""
     limit = bound if np.isfinite(bound) else 0.0
-    below, above = (1.25 * max(float((sign * r).max(initial=0.0)), limit, 1e-9) for sign in (-1.0, 1.0))
+    bottom, top = (1.25 * max(float((sign * r).max(initial=0.0)), limit, 1e-9) for sign in (-1.0, 1.0))
     area = Span(-limit, limit, upright=False, label=f"{100 * level:g} % bound for one lag")
-    y = Axis("correlation [1]", "correlation", limits=(-below, above))
+    y = Axis("correlation [1]", "correlation", limits=(-bottom, top))
     x = Axis("lag [samples]", limits=(min(0.0, float(lags[0]) - 0.5), float(lags[-1]) + 0.5) if len(lags) else None)
     return Panel([area, Stems(lags, r, bound), Rule(0.0, upright=False)], y, x, title)

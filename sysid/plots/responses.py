@@ -48,7 +48,7 @@ def bode(
 def steady_state(band: intervals.Band, axes: Axes | None = None, u_unit: str = "", y_unit: str = "") -> Axes:
     """Steady-state output of the whole chain over constant inputs; it does not depend on the gauge."""
     u, y = display_quantity("u", u_unit), display_quantity("y", y_unit)
-    items = banded(band, "steady state", u.factor, y.factor)
+    items = curve_items(band, "steady state", u.factor, y.factor)
     panel = Panel(items, Axis.of(y), Axis.of(u), "steady state", note=in_small(band.note))
     return draw(Figure([panel], shared=False, height=4.0), axes)[0]
 
@@ -58,13 +58,13 @@ def step_figure(band: intervals.Band, y_unit: str = "", u_unit: str = "", y_name
     return _time_figure(band, "step", "step response of the tangent model", y_unit, u_unit, y_name)
 
 
-def _time_figure(band: intervals.Band, after: str, title: str, y_unit: str, u_unit: str, y_name: str) -> Figure:
+def _time_figure(band: intervals.Band, event: str, title: str, y_unit: str, u_unit: str, y_name: str) -> Figure:
     """A response over time after a step or a pulse."""
     y = display_quantity(y_name, y_unit).per(display_quantity("", u_unit))
-    items = [*banded(band, "tangent", 1.0, y.factor, steps=True), Rule(0.0, upright=False, width=0.5)]
-    time = Axis.time(f"time after the {after} [s]")
+    items = [*curve_items(band, "tangent", 1.0, y.factor, steps=True), Rule(0.0, upright=False, width=0.5)]
+    time = Axis.time(f"time after the {event} [s]")
     panel = Panel(items, Axis.of(y), time, title, 1.8, in_small(band.note))
-    return Figure([panel], said=noted("all of the response", band.note))
+    return Figure([panel], said=note_sentences("all of the response", band.note))
 
 
 def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "") -> Figure:
@@ -79,7 +79,7 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
     x = Axis("frequency [rad/s]", log=True)
     panels = [
         Panel(
-            banded(magnitude, "tangent", 1.0, gain.factor),
+            curve_items(magnitude, "tangent", 1.0, gain.factor),
             y,
             x,
             "frequency response of the tangent model",
@@ -87,20 +87,20 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
             in_small(magnitude.note),
         ),
         Panel(
-            banded(phase, "tangent", 1.0, 1.0, key=False),
+            curve_items(phase, "tangent", 1.0, 1.0, key=False),
             Axis.of(Quantity("phase", "deg"), (low - air, high + air)),
             x,
             note=in_small(phase.note),
         ),
     ]
-    return Figure(panels, height=5.2, said=noted("all of the response", magnitude.note))
+    return Figure(panels, height=5.2, said=note_sentences("all of the response", magnitude.note))
 
 
-def banded(
-    band: intervals.Band, label: str, across: float, factor: float, steps: bool = False, key: bool = True
+def curve_items(
+    band: intervals.Band, label: str, x_factor: float, factor: float, steps: bool = False, key: bool = True
 ) -> list[Item]:
     """A curve over its band, with the factors of both axes; the curve has a name in the legend if the band has."""
-    x, value = band.x * across, scaled(band.value, factor)
+    x, value = band.x * x_factor, scaled(band.value, factor)
     lower, upper = scaled(band.lower, factor), scaled(band.upper, factor)
     key = key and has_area(lower, upper)
     curve = Line(x, value, label, steps=steps, half=upper - value if np.isfinite(band.std).any() else None, key=key)
@@ -112,8 +112,8 @@ def in_small(note: str) -> str:
     return "the record does not excite all of this curve: no band there" if note == UNEXCITED else note
 
 
-def noted(what: str, note: str) -> list[str]:
+def note_sentences(subject: str, note: str) -> list[str]:
     """A sentence from a note of the intervals of `what`, such as "a pole"; none where there is no note."""
     if note == UNEXCITED:
-        return [f"The record does not excite {what}."]
-    return [f"{what[0].upper()}{what[1:]} {note}."] if note else []
+        return [f"The record does not excite {subject}."]
+    return [f"{subject[0].upper()}{subject[1:]} {note}."] if note else []

@@ -12,7 +12,7 @@ from sysid.base.checks import checked
 from sysid.base.quantities import display_quantity
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Line, Panel
-from sysid.plots.responses import banded, in_small
+from sysid.plots.responses import curve_items, in_small
 from sysid.uncertainty.curves import NORMALISED, Curve
 
 if TYPE_CHECKING:
@@ -48,16 +48,16 @@ def maps_figure(curves: Sequence[Curve], words: Mapping[str, Words] | None = Non
 @checked(deferred=("axes",))
 def words_of(curve: Curve) -> Words:
     """Title and labels of a map by its role and scale."""
-    before = "u" if curve.role == "input" else "signal before the map"
-    after = "y" if curve.role == "output" else "signal after the map"
-    return f"{curve.role} map, {curve.scale} scale", before, after
+    x_name = "u" if curve.role == "input" else "signal before the map"
+    y_name = "y" if curve.role == "output" else "signal after the map"
+    return f"{curve.role} map, {curve.scale} scale", x_name, y_name
 
 
 def _panel(curve: Curve, words: Words) -> Panel:
     """A map over its signal."""
-    b, (title, before, after) = curve.band, words
-    x, y = display_quantity(before, curve.x_unit), display_quantity(after, curve.y_unit)
-    items = banded(b, f"{curve.role} map", x.factor, y.factor)
+    b, (title, x_name, y_name) = curve.band, words
+    x, y = display_quantity(x_name, curve.x_unit), display_quantity(y_name, curve.y_unit)
+    items = curve_items(b, f"{curve.role} map", x.factor, y.factor)
     if curve.scale == NORMALISED:
         ends = np.array([b.x[0], b.x[-1]])
         items.append(Line(ends * x.factor, ends * y.factor, "no nonlinearity", style.SECOND, 1.0, dash=True))

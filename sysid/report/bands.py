@@ -80,6 +80,6 @@ def _information(e: Evaluation) -> Information | None:
 
 def _bare(e: Evaluation, role: str) -> Curve:
     u, y = e.estimation.u_unit, e.estimation.y_unit
-    before = u if role in SEES_INPUT else y if role == "sensor" else ""
-    after = y if role in GIVES_OUTPUT else u if role == "driver" else ""
-    return Curve(role, Band.bare(e.maps[role].x, e.maps[role].y), OWN, before, after)
+    x_unit = u if role in SEES_INPUT else y if role == "sensor" else ""
+    y_unit = y if role in GIVES_OUTPUT else u if role == "driver" else ""
+    return Curve(role, Band.bare(e.maps[role].x, e.maps[role].y), OWN, x_unit, y_unit)

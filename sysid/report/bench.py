@@ -79,19 +79,19 @@ def write(
     (folder / FOLDER).mkdir()
     (folder / REPORT).write_text(page.html(), encoding="utf-8")
     (folder / plots.SCRIPT).write_text(script(), encoding="utf-8")
-    for scenario, each in scenario_pages(board, pictures):
-        (folder / FOLDER / file_name(scenario)).write_text(each.html(), encoding="utf-8")
+    for scenario, scenario_page in scenario_pages(board, pictures):
+        (folder / FOLDER / file_name(scenario)).write_text(scenario_page.html(), encoding="utf-8")
     (folder / TABLES).write_text(tables(board), encoding="utf-8")
-    found = summary(board, verdict)
-    (folder / "summary.json").write_text(to_json(found), encoding="utf-8")
-    return found
+    summary_values = summary(board, verdict)
+    (folder / "summary.json").write_text(to_json(summary_values), encoding="utf-8")
+    return summary_values
 
 
 def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -> Page:
     """The leaderboard."""
     figures = _figures(board)
     sections = [
-        *([_changed(verdict)] if verdict is not None else []),
+        *([_changes(verdict)] if verdict is not None else []),
         _families(board),
         Section(
             "Accuracy",
@@ -115,7 +115,7 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
         _failures(board),
         _scenarios(board, pictures),
     ]
-    made = {"qpal": ", ".join(sorted(set(board.rows["qpal"].drop_nulls()) - {""}))}
+    packages = {"qpal": ", ".join(sorted(set(board.rows["qpal"].drop_nulls()) - {""}))}
     machines = ", ".join(sorted(set(board.rows["machine"].drop_nulls()) - {""}))
     tasks = board.rows.select(pl.struct(boards.TASK).n_unique()).item()
     subtitle = f"{len(board.rows)} rows, {tasks} tasks, {board.rows['method'].n_unique()} methods. {machines}"
@@ -124,7 +124,7 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
         subtitle,
         [*([verdict.sentences[0]] if verdict else []), *_first(board)],
         sections,
-        made,
+        packages,
         scripts=(plots.SCRIPT,),
         wide=True,
     )
@@ -151,8 +151,8 @@ def _scenario(
         top = worst.sort("gap", descending=True).row(0, named=True)
         repeat = f"Repeat the worst: {presentation.command(scenario, top['method'], top['seed'], top.get('budget'))}"
         sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, presentation.WORST, last_text=True)]))
-    most = max(row[0] for row in methods.select("n").iter_rows())
-    verdict = [f"{most} tasks. The bar is {bar}."]
+    tasks = max(row[0] for row in methods.select("n").iter_rows())
+    verdict = [f"{tasks} tasks. The bar is {bar}."]
     return Page(scenario, "a scenario of the identification benchmark", verdict, sections, wide=True)
 
 
@@ -167,15 +167,15 @@ def tables(board: Board) -> str:
 
 def summary(board: Board, verdict: Verdict | None) -> dict[str, Any]:
     """The leaderboard as JSON values."""
-    found: dict[str, Any] = {
+    values: dict[str, Any] = {
         "rows": len(board.rows),
         "sentences": list(board.sentences),
         "winners": board.winners.to_dicts(),
         "leaderboard": board.board.to_dicts(),
     }
     if verdict is not None:
-        found |= {"worse": verdict.worse, "changes": list(verdict.sentences)}
-    return dict(json_value(found))
+        values |= {"worse": verdict.worse, "changes": list(verdict.sentences)}
+    return dict(json_value(values))
 
 
 def drawing(cell: Redrawn) -> Picture:
@@ -193,13 +193,13 @@ def file_name(scenario: str) -> str:
 
 def _pictures(board: Board, redraw: Redraw, count: int) -> dict[str, Picture]:
     """The worst cells of our best method of each family, by scenario; one without a result this time is left out."""
-    found, best = {}, board.winners["ours"].drop_nulls().unique().to_list()
+    pictures, best = {}, board.winners["ours"].drop_nulls().unique().to_list()
     for scenario, method, seed in worst_to_draw(board.rows, best, count):
         try:
-            found[scenario] = drawing(redraw(scenario, method, seed))
+            pictures[scenario] = drawing(redraw(scenario, method, seed))
         except InputError:
             continue
-    return found
+    return pictures
 
 
 def _first(board: Board) -> list[str]:
@@ -242,17 +242,17 @@ def _intervals(board: Board, figures: Sequence[str]) -> Section:
 
 
 def _failures(board: Board) -> Section:
-    failed = board.rows.filter(~pl.col("ok"))
-    why = pl.when(pl.col("status") == "ok").then(pl.lit("the free run diverged")).otherwise("status").alias("why")
+    failures = board.rows.filter(~pl.col("ok"))
+    reason = pl.when(pl.col("status") == "ok").then(pl.lit("the free run diverged")).otherwise("status").alias("why")
     counts = (
-        failed.group_by("method", why)
+        failures.group_by("method", reason)
         .agg(pl.len().alias("n"), pl.col("scenario", "seed").first())
         .sort("n", "method", "why", descending=[True, False, False])
     )
     rows = [[r["method"], r["why"][:160], str(r["n"]), r["scenario"], str(r["seed"])] for r in counts.to_dicts()]
     absent = [[r["method"], r["status"][:160], str(r["n"]), "", ""] for r in board.untried.to_dicts()]
     headings = ("method", "why", "rows", "for example", "seed")
-    total = f"{len(failed)} of {len(board.rows)} rows have no usable result."
+    total = f"{len(failures)} of {len(board.rows)} rows have no usable result."
     top = Grid(headings, [*rows, *absent][:50], "The 50 most frequent reasons.", 2, sortable=True)
     return Section("Failures", [total], tables=[top] if rows or absent else [])
 
@@ -274,13 +274,13 @@ def _scenarios(board: Board, pictures: dict[str, Picture]) -> Section:
         ]
         for r in frame.iter_rows(named=True)
     ]
-    linked = [[markupsafe.Markup(row[0]), *row[1:]] for row in rows]
+    links = [[markupsafe.Markup(row[0]), *row[1:]] for row in rows]
     headings = ("scenario", "tasks", "best method", "its mean gap [points]", "its worst")
-    grid = Grid(headings, linked, "Each page lists the worst seeds.", sortable=True)
+    grid = Grid(headings, links, "Each page lists the worst seeds.", sortable=True)
     return Section("Scenarios", tables=[grid], pictures=list(pictures.values()))
 
 
-def _changed(verdict: Verdict) -> Section:
+def _changes(verdict: Verdict) -> Section:
     return Section("Changes against the base", verdict.sentences)
 
 

@@ -73,18 +73,18 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
     """Share of intervals that hold the truth by family and method, with Wilson's intervals and the claimed line."""
     names, traces = _names(board), list[Plotly]()
     for name in sorted(frame["method"].unique()):
-        mine = frame.filter((pl.col("method") == name) & (pl.col("intervals") > 0))
-        rate, low, high = (100 * mine[f"held_{end}"].to_numpy() for end in ("rate", "low", "high"))
+        own_rows = frame.filter((pl.col("method") == name) & (pl.col("intervals") > 0))
+        rate, low, high = (100 * own_rows[f"held_{end}"].to_numpy() for end in ("rate", "low", "high"))
         traces.append(
             {
                 "type": "scatter",
                 "mode": "markers",
-                "x": mine["family"].to_list(),
+                "x": own_rows["family"].to_list(),
                 "y": _plain(rate),
                 "error_y": {"array": _plain(high - rate), "arrayminus": _plain(rate - low), "thickness": 1.2},
                 "name": name,
                 "marker": {"size": 9, "color": _look(name, names, ours)["color"]},
-                "hovertext": [f"{name}: {h} of {n} hold" for h, n in mine.select("held", "intervals").iter_rows()],
+                "hovertext": [f"{name}: {h} of {n} hold" for h, n in own_rows.select("held", "intervals").iter_rows()],
             }
         )
     layout = _layout("family", "intervals that hold the truth [%]")
@@ -151,8 +151,8 @@ def _look(name: str, names: Sequence[str], ours: Collection[str]) -> dict[str, A
     """Colour and dash of a method, the same in every plot: ours in full lines, others dashed."""
     if name == BAR:
         return {"color": style.INK, "dash": "solid", "width": 2}
-    mine = [n for n in names if (n in ours) == (name in ours)]
-    k = mine.index(name)
+    side_names = [n for n in names if (n in ours) == (name in ours)]
+    k = side_names.index(name)
     dashes = ("solid", "dashdot") if name in ours else ("dash", "dot")
     return {"color": COLOURS[k % len(COLOURS)], "dash": dashes[k // len(COLOURS) % 2], "width": 2}
 
@@ -162,7 +162,7 @@ def _by_family(traces: list[Plotly], groups: list[str], families: list[str], lay
     for trace, family in zip(traces, groups, strict=True):
         trace["visible"] = family == families[0]
     buttons = [
-        {"label": family, "method": "restyle", "args": [{"visible": [family == each for each in groups]}]}
+        {"label": family, "method": "restyle", "args": [{"visible": [family == group for group in groups]}]}
         for family in families
     ]
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "direction": "down"}

@@ -12,7 +12,7 @@ from sysid.joint.design import Design
 from sysid.joint.values import JointValue
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import WORDS, decimals, told_once, value_cells
+from sysid.report.sections import WORDS, decimals, distinct_values, value_cells
 from sysid.workflow.design import Proposal
 
 COLOURS = (style.MODEL, style.SECOND, style.INPUT)
@@ -25,13 +25,13 @@ def page(result: Proposal, file: str) -> Page:
         "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
         "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
     )
-    drawn = Picture.of("experiment", experiment_figure(d), caption)
+    picture = Picture.of("experiment", experiment_figure(d), caption)
     return Page(
         "The next experiment",
         f"{', '.join(d.targets)}; designed on {result.record.path.name}",
         sentences(result, file),
         [
-            Section("Experiment", tables=[phases(d)], pictures=[drawn]),
+            Section("Experiment", tables=[phases(d)], pictures=[picture]),
             Section("What it would tell", tables=[values(d)]),
         ],
         versions(),
@@ -64,14 +64,14 @@ def phases(d: Design) -> Grid:
 
 def values(d: Design) -> Grid:
     """The joint's values now, and with the experiment."""
-    now, then = ({v.name: v for v in told_once(each)} for each in (d.now, d.then))
+    first, second = ({v.name: v for v in distinct_values(side)} for side in (d.now, d.then))
     rows = []
-    for name in (name for name in WORDS if name in now or name in then):
-        cells = [value_cells(each[name])[:2] if name in each else ("–", "–") for each in (now, then)]
-        unit = value_cells(then.get(name) or now[name])[2]
+    for name in (name for name in WORDS if name in first or name in second):
+        cells = [value_cells(side[name])[:2] if name in side else ("–", "–") for side in (first, second)]
+        unit = value_cells(second.get(name) or first[name])[2]
         # Where the first record does not determine a value, the fit does not say where it will be.
-        expected = cells[1][1] if name in now and now[name].determined else _half(then.get(name), cells[1][1])
-        rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], expected, unit))
+        prediction = cells[1][1] if name in first and first[name].determined else _half(second.get(name), cells[1][1])
+        rows.append((WORDS.get(name, name.replace("_", " ")), *cells[0], prediction, unit))
     caption = (
         "Values from the first record, and the 95 % intervals expected from the new record if the joint behaves like "
         "the fitted model (± is half an interval, about a value that the first record does not show)"

@@ -20,7 +20,7 @@ from sysid.drawing.axes import draw
 from sysid.drawing.figure import Figure, Rule
 from sysid.drawing.plotly import Plotly, plotly
 from sysid.joint.growth import MARGIN
-from sysid.plots.free_runs import Run, close_ups_figure, parts_of_run_figure, reshaped, runs_figure
+from sysid.plots.free_runs import Run, as_outputs, close_ups_figure, parts_of_run_figure, runs_figure
 from sysid.plots.pole_zero import roots_figure
 from sysid.plots.records import parts_figure
 from sysid.plots.residual_tests import residuals_figure
@@ -29,7 +29,7 @@ from sysid.plots.static_maps import Words, maps_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.joint import growth_figure, hatched, values_figure
 from sysid.report.page import Picture
-from sysid.report.sections import one_step, told_once
+from sysid.report.sections import distinct_values, one_step
 from sysid.report.verdict import tests_in_words
 from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.results import Evaluation, single_channels
@@ -69,16 +69,18 @@ class ReportFigure:
         if not self.applies(evaluation):
             return None
         figure = self.figure(evaluation, **options)
-        zoomed = None if self.zoomed is None else self.zoomed(evaluation)
-        return Picture.of(name, figure, f"{lead}{self.caption(evaluation)}", zoomed)
+        zoom_figure = None if self.zoomed is None else self.zoomed(evaluation)
+        return Picture.of(name, figure, f"{lead}{self.caption(evaluation)}", zoom_figure)
 
 
 def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
     """The figures of one section for this evaluation."""
-    chosen = [(name, figure) for name, figure in TABLE.items() if figure.section == section]
-    each = single_channels(evaluation, section)  # one for each of several outputs
-    found = (figure.picture(name + mark, one, lead) for name, figure in chosen for mark, lead, one in each)
-    return [picture for picture in found if picture is not None]
+    rows = [(name, figure) for name, figure in TABLE.items() if figure.section == section]
+    channels = single_channels(evaluation, section)  # one for each of several outputs
+    candidates = (
+        figure.picture(name + mark, channel, lead) for name, figure in rows for mark, lead, channel in channels
+    )
+    return [picture for picture in candidates if picture is not None]
 
 
 def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
@@ -89,56 +91,56 @@ def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
 
 def data_caption(e: Evaluation) -> str:
     """The split of the record, and what was done to the values that are shown."""
-    restored = e.estimation.u_offset.any() or e.estimation.y_offset.any()
-    more = " Constants that were removed before the fit are added again, here and in the figures of the output."
+    has_offsets = e.estimation.u_offset.any() or e.estimation.y_offset.any()
+    restoration = " Constants that were removed before the fit are added again, here and in the figures of the output."
     return (
         f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
-        f"are validation data.{more if restored else ''}"
+        f"are validation data.{restoration if has_offsets else ''}"
     )
 
 
 def _free_run_figure(e: Evaluation) -> Figure:
     """Both parts, the validation error, and the one-step-ahead prediction if the model has one."""
-    one = e.one_step
+    prediction = e.one_step
     return parts_of_run_figure(
         Run(e.estimation, e.estimation_output, e.estimation_fit),
         Run(e.validation, e.validation_output, e.validation_fit),
-        None if one is None else Run(e.validation, one.validation_output, one.validation_fit),
+        None if prediction is None else Run(e.validation, prediction.validation_output, prediction.validation_fit),
     )
 
 
 def joined_figure(e: Evaluation) -> Figure:
-    """The free run over both parts, which follow each other in time, with the errors, the inputs and the prediction.
+    """The free run over both parts, which follow each other in time, with errors, inputs and prediction.
 
     A click on the run in the legend hides it in all panels; the border of the two parts is a full line.
     """
-    both = IOData.merge(retrend(e.estimation), retrend(e.validation))
-    figure = _run_over_both(e, both, "free run", e.estimation_output, e.validation_output, e.validation_fit)
-    panels, cut = list(figure.panels), (e.estimation.N - 0.5) * both.Ts
+    record = IOData.merge(retrend(e.estimation), retrend(e.validation))
+    figure = _run_over_both(e, record, "free run", e.estimation_output, e.validation_output, e.validation_fit)
+    panels, border = list(figure.panels), (e.estimation.N - 0.5) * record.Ts
     if e.one_step is not None:
         one, words = e.one_step, "one step ahead, NOT a free run"
-        ahead = _run_over_both(e, both, words, one.estimation_output, one.validation_output, one.validation_fit)
-        measured, run = ahead.panels[0].lines()
-        panels.append(replace(ahead.panels[0], items=[measured, replace(run, colour=style.INPUT)], title=words))
-    marks = [mark for mark in figure.marks if isinstance(mark, Rule) and mark.at != cut]
-    return replace(figure, panels=panels, marks=[*marks, Rule(cut, sides=("estimation", "validation"))])
+        prediction = _run_over_both(e, record, words, one.estimation_output, one.validation_output, one.validation_fit)
+        measured, run = prediction.panels[0].lines()
+        panels.append(replace(prediction.panels[0], items=[measured, replace(run, colour=style.INPUT)], title=words))
+    marks = [mark for mark in figure.marks if isinstance(mark, Rule) and mark.at != border]
+    return replace(figure, panels=panels, marks=[*marks, Rule(border, sides=("estimation", "validation"))])
 
 
 def _run_over_both(
-    e: Evaluation, both: IOData, what: str, estimation: np.ndarray, validation: np.ndarray, fit: float
+    e: Evaluation, record: IOData, label: str, estimation: np.ndarray, validation: np.ndarray, fit: float
 ) -> Figure:
     """A run over both parts of the record."""
     pairs = ((e.estimation, estimation), (e.validation, validation))
-    run = np.concatenate([reshaped(data, output) + data.y_offset for data, output in pairs])
-    return runs_figure(both, {f"{what}, fit {percent(fit)} in validation": run})
+    run = np.concatenate([as_outputs(data, output) + data.y_offset for data, output in pairs])
+    return runs_figure(record, {f"{label}, fit {percent(fit)} in validation": run})
 
 
 def _free_run_caption(e: Evaluation) -> str:
     """The data used by the free run."""
-    one = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
+    ahead = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
     return (
         f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
-        f"outputs of each part for the initial state; these outputs are not scored.{one if e.one_step else ''}"
+        f"outputs of each part for the initial state; these outputs are not scored.{ahead if e.one_step else ''}"
     )
 
 
@@ -149,11 +151,11 @@ def _roots_figure(e: Evaluation, references: Mapping[str, np.ndarray] | None = N
 
 def _roots_caption(e: Evaluation) -> str:
     """Whether the model is stable."""
-    inside = "all poles are inside the unit circle; the model is stable"
+    stability = "all poles are inside the unit circle; the model is stable"
     if not e.stable:
-        outside = int(np.sum(np.abs(e.poles) >= 1))
-        inside = f"{outside} pole(s) are on or outside the unit circle; the model is not stable"
-    return f"Poles and zeros of the linear block: {inside} (poles {poles(e.poles)})."
+        count = int(np.sum(np.abs(e.poles) >= 1))
+        stability = f"{count} pole(s) are on or outside the unit circle; the model is not stable"
+    return f"Poles and zeros of the linear block: {stability} (poles {poles(e.poles)})."
 
 
 def _step_figure(e: Evaluation) -> Figure:
@@ -189,11 +191,11 @@ def bode_caption(e: Evaluation) -> str:
     unknown = np.mean(~(np.isfinite(low) & np.isfinite(high) & (high < 10.0 * low)))
     doubt = f" At {100 * unknown:.0f} % of the frequencies shown it is wider than a factor of 10: the record does not "
     doubt += "determine the response there."
-    what = "Frequency response of the linear model that is tangent to the fit at the mean input"
+    subject = "Frequency response of the linear model that is tangent to the fit at the mean input"
     if not np.any(np.isfinite(low) & np.isfinite(high)):
-        return f"{what}, up to half the sampling frequency. The record does not bound the magnitude: it has no band."
+        return f"{subject}, up to half the sampling frequency. The record does not bound the magnitude: it has no band."
     return (
-        f"{what}, with its 95 % band, up to half the sampling frequency. The band is wide where the input of the "
+        f"{subject}, with its 95 % band, up to half the sampling frequency. The band is wide where the input of the "
         "record has little power." + (doubt if unknown > 0.005 else "")
     )
 
@@ -218,45 +220,45 @@ def recorded_maps(e: Evaluation) -> list[Curve]:
 
     A normalised map has the outer signal's scale on both sides.
     """
-    u, y = (0.0 if len(each) > 1 else float(each[0]) for each in (e.estimation.u_offset, e.estimation.y_offset))
-    found = list[Curve]()
+    u, y = (0.0 if len(offset) > 1 else float(offset[0]) for offset in (e.estimation.u_offset, e.estimation.y_offset))
+    curves = list[Curve]()
     for curve in bands(e).maps:
         x0, y0 = u * (curve.role in SEES_INPUT), y * (curve.role in GIVES_OUTPUT)
         if curve.scale == NORMALISED:
             x0 = y0 = x0 or y0
         b = curve.band
-        moved = replace(b, x=b.x + x0, value=b.value + y0, lower=b.lower + y0, upper=b.upper + y0)
-        found.append(replace(curve, band=moved))
-    return found
+        band = replace(b, x=b.x + x0, value=b.value + y0, lower=b.lower + y0, upper=b.upper + y0)
+        curves.append(replace(curve, band=band))
+    return curves
 
 
 def _maps_figure(e: Evaluation) -> Figure:
     """A panel for each map, in the order of the signal."""
     curves = recorded_maps(e)
-    scaled = {c.role for c in curves if c.scale == NORMALISED}
-    words = {c.role: (SCALED if c.role in scaled else WORDS).get(c.role, WORDS["middle"]) for c in curves}
+    normalised_roles = {c.role for c in curves if c.scale == NORMALISED}
+    words = {c.role: (SCALED if c.role in normalised_roles else WORDS).get(c.role, WORDS["middle"]) for c in curves}
     return maps_figure(curves, words)
 
 
 def _maps_caption(e: Evaluation) -> str:
     """The names and the scale of the maps."""
-    only = (
+    scale_words = (
         "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
     )
     if not e.linear:
-        only = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
+        scale_words = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
     elif any(curve.scale == NORMALISED for curve in bands(e).maps):
-        only += (
+        scale_words += (
             " A signal between the blocks is therefore shown with the mean and deviation of the signal outside; on the "
             "dashed diagonal a map would change nothing."
         )
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
-    return f"Static {names} map over the range of the estimation data. {only}"
+    return f"Static {names} map over the range of the estimation data. {scale_words}"
 
 
 def _values_caption(e: Evaluation) -> str:
     """What the points are, and whether some are open."""
-    some = any(v.low is None for v in told_once(e.values))
+    some = any(v.low is None for v in distinct_values(e.values))
     doubt = " An open point is a number of the model that the record does not determine." if some else ""
     return f"Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke.{doubt}"
 
@@ -287,9 +289,9 @@ def _residuals_figure(e: Evaluation) -> Figure:
 def _residuals_caption(e: Evaluation) -> str:
     """Both test results and their meaning."""
     assert e.tests is not None
-    which = "one step ahead" if one_step(e) else "of the free run"
+    kind = "one step ahead" if one_step(e) else "of the free run"
     return (
-        f"Tests of the validation residuals {which}. {tests_in_words(e)} "
+        f"Tests of the validation residuals {kind}. {tests_in_words(e)} "
         f"A complete model leaves only noise and stays inside the {e.tests.level:.0%} bounds."
     )
 

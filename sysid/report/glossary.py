@@ -100,14 +100,14 @@ TERMS = {
 } | {criterion.label.lower(): criterion.meaning for criterion in CRITERIA.values()}
 
 
-def bare(term: str) -> str:
+def without_unit(term: str) -> str:
     """A heading or the name of a row without its unit: 'time constant [s]' is 'time constant'."""
     return re.sub(r"\s*\[[^\]]*\]", "", str(term)).strip()
 
 
 def meaning(term: str) -> str:
     """The sentence for a heading or the name of a row, with or without its unit; empty if it needs none."""
-    key = bare(term).lower()
+    key = without_unit(term).lower()
     if key.startswith("loss v"):
         return "mean squared error that the search made as small as it could"
     return TERMS.get(key, "")

@@ -61,16 +61,16 @@ def terminal_tables(result: Identification) -> list[Grid]:
 def terminal_sentences(result: Identification) -> list[str]:
     """The sentences that the command prints below its tables."""
     e = result.evaluation
-    chosen = [] if result.selection is None else [_found(result.selection)]
+    selection = [] if result.selection is None else [_search_result(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
-    cut = () if result.selection is None else result.selection.notes
-    notes = [f"Note: {note}." for note in (*result.record.notes, *cut, *e.notes)]
-    said = [*_no_joint(e), *chosen, *_grown(e), *filter(None, [sections.undetermined_in_words(e)])]
+    search_notes = () if result.selection is None else result.selection.notes
+    notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *e.notes)]
+    sentences = [*_no_joint(e), *selection, *_growth_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
     last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
-    return [_named(text, result.record) for text in (*_bad(result), *said, *last, *_next(result))]
+    return [_with_commands(text, result.record) for text in (*_bad(result), *sentences, *last, *_next(result))]
 
 
-def _named(text: str, record: Record) -> str:
+def _with_commands(text: str, record: Record) -> str:
     """The text with this record's file, and the options that read it, in the commands that it names."""
     words = shlex.join([*map(str, record.files or (record.path,)), *record.options])
     return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", lambda found: f"{found[1]} {words}", text)
@@ -81,7 +81,7 @@ def _no_joint(e: Evaluation) -> list[str]:
     return [e.joint.sentence()] if e.joint is not None and verdict.no_joint(e) else []
 
 
-def _grown(e: Evaluation) -> list[str]:
+def _growth_sentences(e: Evaluation) -> list[str]:
     """The parts of a joint."""
     return [e.growth.sentence()] if e.growth is not None and not _no_joint(e) else []
 
@@ -127,7 +127,7 @@ def _short(why: str) -> str:
     return why.partition(";")[0]
 
 
-def _found(selection: Selection) -> str:
+def _search_result(selection: Selection) -> str:
     """The result of the search, with readable names of structures and maps."""
     text = selection.sentence()
     for name in TABLE:
@@ -138,7 +138,7 @@ def _found(selection: Selection) -> str:
 def _search(result: Identification) -> list[Section]:
     if result.selection is None:
         return []
-    how = (
+    method = (
         "Every candidate was fitted to one part of the estimation data and simulated in free run on the other part, "
         "and vice versa; the parts are interleaved blocks where halves would not show the same levels; d is the number "
         "of free parameters. Candidates marked equal do not differ significantly from the best (paired t-test at 95 "
@@ -146,12 +146,12 @@ def _search(result: Identification) -> list[Section]:
         f"{result.selection.seconds:.0f} s."
     )
     notes = [sections.sentence(note) for note in result.selection.notes]
-    return [Section("Structure search", [_found(result.selection), how, *notes], [ranking_grid(result)])]
+    return [Section("Structure search", [_search_result(result.selection), method, *notes], [ranking_grid(result)])]
 
 
 def _advice(result: Identification) -> Section:
-    ordered = sorted(result.advice, key=lambda a: _WEIGHT[a.severity])
-    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
+    advice = sorted(result.advice, key=lambda a: _WEIGHT[a.severity])
+    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in advice]
     return Section(
         "Advice",
         ["The diagnosis of the record before any model."],
@@ -160,7 +160,7 @@ def _advice(result: Identification) -> Section:
 
 
 def _files(e: Evaluation, exports: Exports) -> Section:
-    rows = [(name, what) for name, what in exports.files]
+    rows = [(name, meaning) for name, meaning in exports.files]
     tables = [Grid(("file", "what it is"), rows, text_columns=2)] if rows else []
     listings = []
     if isinstance(e.fit, Fit) and not exports.notes:
@@ -174,25 +174,25 @@ def _column(name: str) -> str:
 
 def _verdict(result: Identification) -> list[str]:
     e = result.evaluation
-    chosen = [] if result.selection is None else [_found(result.selection)]
+    selection = [] if result.selection is None else [_search_result(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
-    told = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
-    opening = [] if told else _bad(result)
+    has_command = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
+    opening = [] if has_command else _bad(result)
     texts = [
         *opening,
         *verdict.first(result),
-        *chosen,
+        *selection,
         sections.search_sentence(e),
         *notes,
-        *([] if told else _next(result)),
+        *([] if has_command else _next(result)),
     ]
-    return [_named(text, result.record) for text in texts]
+    return [_with_commands(text, result.record) for text in texts]
 
 
 def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
     u, y = figures.signals(e)
     removed_in_words = plan.in_words()
-    removed = (
+    removal = (
         f"Removed before the fit: {_offset(u, e.estimation.u_offset)} from the input and "
         f"{_offset(y, e.estimation.y_offset)} from the output ({removed_in_words}). "
         if e.estimation.u_offset.any() or e.estimation.y_offset.any()
@@ -201,7 +201,7 @@ def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
         else "Nothing was removed from the data. "
     )
     notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
-    return Section("Data", [f"Read from {record.path}. {notes}{removed}"], pictures=figures.pictures("Data", e))
+    return Section("Data", [f"Read from {record.path}. {notes}{removal}"], pictures=figures.pictures("Data", e))
 
 
 def _offset(quantity: Quantity, values: np.ndarray) -> str:
@@ -226,9 +226,9 @@ def _model(result: Identification) -> Section:
         "Model",
         [
             *filter(None, [sections.intervals_in_words(e)]),
-            *_grown(e),
+            *_growth_sentences(e),
             *([_PHYSICS] if e.values else []),
-            *(_named(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
+            *(_with_commands(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
         ],
         tables=[
             *(replace(table, note=narrow) for table in sections.only([sections.values_grid(e), sections.pole_grid(e)])),

@@ -56,16 +56,16 @@ def page(result: Inspection, more: Sequence[str] = ()) -> Page:
 
 def sentences(result: Inspection) -> list[str]:
     """What was assumed and repaired, what is unclear, warnings, and the next command."""
-    said = [
+    lines = [
         _capital(note) for note in (result.signals.notes if result.signals else (*result.reader_notes, *result.why))
     ]
-    said += [f"Unclear: {_capital(sentence)}" for sentence in result.unclear]
+    lines += [f"Unclear: {_capital(sentence)}" for sentence in result.unclear]
     if result.problem:
-        said.append(f"Refused as it is: {result.problem}.")
+        lines.append(f"Refused as it is: {result.problem}.")
     if result.repairs:
-        said.append(f"The mapping repairs this: it sets {' and '.join(result.repairs)} in [repair].")
-    said += [f"Warning: {advice}." for advice in result.advice if advice.severity == "warning"]
-    return [*said, *_next(result)]
+        lines.append(f"The mapping repairs this: it sets {' and '.join(result.repairs)} in [repair].")
+    lines += [f"Warning: {advice}." for advice in result.advice if advice.severity == "warning"]
+    return [*lines, *_next(result)]
 
 
 def _next(result: Inspection) -> list[str]:
@@ -77,8 +77,8 @@ def _next(result: Inspection) -> list[str]:
     if not result.obstacle:  # the problem is told already, with what to do
         return []
     todo = [a.action for a in result.advice if a.topic == "data" and a.severity == "warning" and a.action]
-    said = [f"Nothing can be identified from this record as it is: {result.obstacle.rstrip('.')}."]
-    return [*said, f"Next: {todo[0]}"] if todo else said
+    lines = [f"Nothing can be identified from this record as it is: {result.obstacle.rstrip('.')}."]
+    return [*lines, f"Next: {todo[0]}"] if todo else lines
 
 
 def column_grid(result: Inspection) -> Grid:
@@ -110,8 +110,8 @@ def sampling_grid(signals: Signals) -> Grid:
 def advice_grid(result: Inspection) -> Grid:
     """The advice, warnings first; what is fine is left out."""
     rank = {"warning": 0, "note": 1, "fine": 2}
-    ordered = sorted(result.advice, key=lambda a: rank[a.severity])
-    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in ordered]
+    advice = sorted(result.advice, key=lambda a: rank[a.severity])
+    rows = [(a.severity, a.topic, a.sentence.replace("^2", "²"), a.action or "–") for a in advice]
     return Grid(("", "topic", "finding", "what to do"), rows, text_columns=4)
 
 
@@ -122,17 +122,17 @@ def terminal_tables(result: Inspection) -> list[Grid]:
 
 def pictures(signals: Signals) -> list[Picture]:
     """The channels over time, and the histogram of the steps if there is a clock."""
-    filled = int(signals.missing.sum())
+    count = int(signals.missing.sum())
     caption = "The channels as they are used, in SI (angles in degrees)."
-    caption += f" Marked: {filled} samples that were filled." if filled else ""
-    found = [Picture.of("channels", channels_figure(signals), caption)]
+    caption += f" Marked: {count} samples that were filled." if count else ""
+    shown_pictures = [Picture.of("channels", channels_figure(signals), caption)]
     if len(signals.sampling.steps):
         words = "How often each step between time stamps occurs; the dashed line is the sampling time of the record."
-        found.append(Picture.of("steps", steps_figure(signals), words))
-    return found
+        shown_pictures.append(Picture.of("steps", steps_figure(signals), words))
+    return shown_pictures
 
 
-def _chosen(signals: Signals) -> list[tuple[str, RecordedSignal]]:
+def _panel_signals(signals: Signals) -> list[tuple[str, RecordedSignal]]:
     """The channels that are shown, with their roles."""
     return [(role, s) for role in ("input", "output", "other") for s in getattr(signals, role)][:MOST_PANELS]
 
@@ -141,7 +141,7 @@ def channels_figure(signals: Signals) -> Figure:
     """Every input and output over time, with filled samples marked."""
     shown_signals = [
         Signal(display_quantity(s.name, s.unit), s.values, role, COLOURS.get(role, style.SECOND), role == "input")
-        for role, s in _chosen(signals)
+        for role, s in _panel_signals(signals)
     ]
     return stack_figure(signals.t, shown_signals, signals.missing)
 

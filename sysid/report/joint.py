@@ -11,7 +11,7 @@ from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.rounds import Step
 from sysid.joint.values import JointValue
 from sysid.plots.earned import Bar, earned_figure
-from sysid.report.sections import WORDS, told_once
+from sysid.report.sections import WORDS, distinct_values
 
 PARTS = {
     "stribeck": "Stribeck",
@@ -44,11 +44,11 @@ COLUMNS = 3  # more beside each other leave no room for the names
 
 def values_figure(values: Sequence[JointValue]) -> Figure:
     """A panel for values of one unit and size; a bar is the 95 % interval, an open point is not determined."""
-    panels = [_values_panel(unit, each) for (unit, _), each in _groups(values).items()]
+    panels = [_values_panel(unit, group) for (unit, _), group in _groups(values).items()]
     rows = -(-len(panels) // COLUMNS)
-    most = max(len(panel.y.names) for panel in panels)
+    longest = max(len(panel.y.names) for panel in panels)
     columns = -(-len(panels) // rows)
-    return Figure(panels, columns, shared=False, height=0.4 + rows * (0.9 + 0.28 * most), legend="below")
+    return Figure(panels, columns, shared=False, height=0.4 + rows * (0.9 + 0.28 * longest), legend="below")
 
 
 def growth_figure(growth: Growth) -> Figure:
@@ -75,40 +75,40 @@ def _rounds(growth: Growth) -> list[list[Step]]:
 def _fate(growth: Growth, step: Step) -> str:
     """What a part earned and whether it stayed."""
     fate = "kept" if growth.stayed(step) else "kept, later without it" if step.kept else "not kept"
-    unseen = f"<br>error on unseen parts × {step.unseen:.3f}" if np.isfinite(step.unseen) else ""
+    note = f"<br>error on unseen parts × {step.unseen:.3f}" if np.isfinite(step.unseen) else ""
     name = f"<b>round {step.round + 1}: {PARTS.get(step.part, step.part)}</b>"
-    return f"{name}: {fate}<br>BIC falls by {number(step.earned, 4)} to {step.bic:.0f}{unseen}"
+    return f"{name}: {fate}<br>BIC falls by {number(step.earned, 4)} to {step.bic:.0f}{note}"
 
 
 def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:
     """The values that share an axis, by unit; a backlash, a hundredth of the way between the ends, has its own."""
-    found: dict[tuple[str, bool], list[JointValue]] = {}
-    for v in told_once(values):
-        found.setdefault((display_quantity(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
-    return found
+    groups: dict[tuple[str, bool], list[JointValue]] = {}
+    for v in distinct_values(values):
+        groups.setdefault((display_quantity(v.name, v.unit).unit, v.name == "backlash"), []).append(v)
+    return groups
 
 
 def _values_panel(unit: str, values: Sequence[JointValue]) -> Panel:
     """The values of one unit, those that the record determines and those that it does not."""
     items, factors = list[Item](), [display_quantity(v.name, v.unit).factor for v in values]
-    for determined in (True, False):
-        places = [k for k, v in enumerate(values) if (v.low is not None and v.high is not None) == determined]
+    for has_interval in (True, False):
+        places = [k for k, v in enumerate(values) if (v.low is not None and v.high is not None) == has_interval]
         if not places:
             continue
         x, low, high = (
             [factors[k] * (getattr(values[k], name) or 0.0) for k in places] for name in ("value", "low", "high")
         )
-        label = "value, 95 % interval" if determined else "not determined"
+        label = "value, 95 % interval" if has_interval else "not determined"
         points = Ranges(places, x, label=label, texts=[_meaning(values[k]) for k in places])
-        items.append(replace(points, low=low, high=high) if determined else points)
+        items.append(replace(points, low=low, high=high) if has_interval else points)
     names = [SHORT.get(v.name, v.name.replace("_", " ")) for v in values]
     return Panel(items, Axis(names=names), Axis(f"value [{unit or 1}]"))
 
 
 def _meaning(v: JointValue) -> str:
     """The value in full, for a hover."""
-    as_shown = display_quantity(v.name, v.unit)
-    unit, factor = as_shown.unit, as_shown.factor
+    quantity = display_quantity(v.name, v.unit)
+    unit, factor = quantity.unit, quantity.factor
     words = f"<b>{WORDS.get(v.name, v.name)}</b><br>{number(v.value * factor, 4)} {unit}".rstrip()
     if v.low is None or v.high is None:
         return f"{words}<br>not determined: {v.why or 'this record does not show it'}"

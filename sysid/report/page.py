@@ -59,8 +59,8 @@ class Picture:
     @property
     def sentence(self) -> str:
         """The caption, with what the zoomable figure says of itself."""
-        said = (self.zoom or {}).get("layout", {}).get("meta", {}).get("said", "")
-        return f"{self.caption} {said}".strip()
+        more_text = (self.zoom or {}).get("layout", {}).get("meta", {}).get("said", "")
+        return f"{self.caption} {more_text}".strip()
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ class Grid:
         """What a cell of numbers is, for the pointer: its row, its column and what that means; empty for text."""
         if self.is_text(j) or self.sortable:
             return ""
-        named = [str(text) for text in (row[0] if self.text_columns else "", self.headings[j]) if text]
-        said = glossary.meaning(self.headings[j]) or (glossary.meaning(str(row[0])) if self.text_columns else "")
+        parts = [str(text) for text in (row[0] if self.text_columns else "", self.headings[j]) if text]
+        meaning = glossary.meaning(self.headings[j]) or (glossary.meaning(str(row[0])) if self.text_columns else "")
         units = [k for k, heading in enumerate(self.headings) if heading == "unit"]
         unit = f" [{row[units[0]]}]" if units and row[units[0]] not in ("", "–") else ""
-        return f"{', '.join(named)}{unit}{': ' if said else ''}{said}"
+        return f"{', '.join(parts)}{unit}{': ' if meaning else ''}{meaning}"
 
     def only(self, *headings: str) -> "Grid":
         """The columns with these headings; they must start with the text columns."""
@@ -159,7 +159,7 @@ class Page:
         """The terms of the tables that the glossary explains, in order of their first use."""
         tables = [table for section in self.sections for table in (*section.tables, *section.details)]
         cells = [cell for table in tables for cell in table.terms()]
-        return {glossary.bare(cell): said for cell in cells if (said := glossary.meaning(cell))}
+        return {glossary.without_unit(cell): meaning for cell in cells if (meaning := glossary.meaning(cell))}
 
     @property
     def sorts(self) -> bool:
@@ -190,12 +190,12 @@ def _commands(sentence: str) -> "Markup":
     """A sentence whose last words are a command, set as code that no line break cuts inside a word."""
     from markupsafe import Markup, escape
 
-    found = _COMMAND.fullmatch(sentence)
-    if found is None:
+    match = _COMMAND.fullmatch(sentence)
+    if match is None:
         return escape(sentence)
-    before, command, stop = found.groups()
+    text, command, stop = match.groups()
     words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split())
-    return escape(before) + Markup("<code>{}</code>").format(words) + stop
+    return escape(text) + Markup("<code>{}</code>").format(words) + stop
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
@@ -238,12 +238,12 @@ def script() -> str:
 def packed(value: Any) -> Any:
     """A figure as JSON values, long lists of numbers as base64."""
     if isinstance(value, dict):
-        return {key: packed(each) for key, each in value.items()}
+        return {key: packed(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        if len(value) > PACKED and all(each is None or isinstance(each, int | float) for each in value):
-            doubles = np.array([np.nan if each is None else each for each in value], dtype="<f8")
+        if len(value) > PACKED and all(entry is None or isinstance(entry, int | float) for entry in value):
+            doubles = np.array([np.nan if entry is None else entry for entry in value], dtype="<f8")
             return {"dtype": "f8", "bdata": base64.b64encode(doubles.tobytes()).decode("ascii")}
-        return [packed(each) for each in value]
+        return [packed(entry) for entry in value]
     if isinstance(value, np.generic):
         return packed(value.item())
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -38,14 +38,14 @@ def run_page(result: ModelRun) -> Page:
             "of holding the last measured output, not with that of the free run."
         )
         picture = Picture.of("prediction", prediction_figure(result), caption)
-        sections.append(Section(f"Prediction {k} sample(s) ahead", [_how(result)], pictures=[picture]))
+        sections.append(Section(f"Prediction {k} sample(s) ahead", [_prediction_method(result)], pictures=[picture]))
     if result.tests is not None:
         caption = (
             f"{tests_in_words(result)} A complete model leaves only noise and stays inside the "
             f"{result.tests.level:.0%} bounds."
         )
-        drawn = Picture.of("residuals", residuals_figure(result.tests), caption)
-        sections.append(Section("Residual tests", pictures=[drawn]))
+        picture = Picture.of("residuals", residuals_figure(result.tests), caption)
+        sections.append(Section("Residual tests", pictures=[picture]))
     return Page(
         f"{result.model.path.name} on {result.record.path.name}",
         f"{result.model.fit.model.structure.replace('_', ' ')}; {data.N} samples, Ts {data.Ts:g} s",
@@ -58,24 +58,24 @@ def run_page(result: ModelRun) -> Page:
 def run_sentences(result: ModelRun) -> list[str]:
     """How well the model follows the record, what to know about it, and what to do next."""
     was = result.model.estimation
-    said = [
+    lines = [
         f"In free run the model follows the record to {percent(result.percent)}"
         + ("." if was is None else f" ({percent(was)} on its estimation data).")
     ]
     if result.ahead is not None:
         a = result.ahead
-        said.append(
+        lines.append(
             f"Predicted {a.horizon} sample(s) ahead from measured outputs: {percent(float(np.mean(a.percents)))}; "
             f"the last measured output held gives {percent(float(np.mean(a.held)))}."
         )
         if np.mean(a.percents) < np.mean(a.held):
-            said.append(
+            lines.append(
                 "So the model does not help to predict here: its residuals on this record are not those of its "
                 "estimation data."
             )
-    said += [tests_in_words(result)] if result.tests is not None else []
-    said += [f"Note: {note}." for note in result.notes]
-    return said + ([result.next.sentence()] if result.next is not None else [])
+    lines += [tests_in_words(result)] if result.tests is not None else []
+    lines += [f"Note: {note}." for note in result.notes]
+    return lines + ([result.next.sentence()] if result.next is not None else [])
 
 
 def tests_in_words(result: ModelRun) -> str:
@@ -89,16 +89,16 @@ def run_tables(result: ModelRun) -> list[Grid]:
     """Fit and error of each output."""
     a, rows = result.ahead, []
     for j, (fit, rmse) in enumerate(zip(result.percents, result.rmse, strict=True)):
-        own = one_output(result.data, j)
-        y = display_quantity(own.y_name, own.y_unit)
-        row = [own.y_name or "y", percent(fit), number(rmse * y.factor), y.unit]
+        record = one_output(result.data, j)
+        y = display_quantity(record.y_name, record.y_unit)
+        row = [record.y_name or "y", percent(fit), number(rmse * y.factor), y.unit]
         rows.append(row if a is None else [*row, percent(a.percents[j]), percent(a.held[j])])
     heads = ["output", "free run", "RMS error", "unit"]
     heads += [] if a is None else [f"{a.horizon} ahead", "last output held"]
     return [Grid(heads, rows)]
 
 
-def _how(result: ModelRun) -> str:
+def _prediction_method(result: ModelRun) -> str:
     from sysid.estimation.result import Fit
 
     assert result.ahead is not None
@@ -109,10 +109,10 @@ def _how(result: ModelRun) -> str:
             f"A nonlinear ARX model predicts one sample from measured outputs; {k} samples ahead it puts its own "
             "predictions in place of the outputs that it must not know."
         )
-    where = "this record, because the model's file holds none" if fit.noise is None else "the estimation data"
+    source = "this record, because the model's file holds none" if fit.noise is None else "the estimation data"
     return (
         "The model has no noise model of its own, so the prediction is the free run plus the forecast of its past "
-        f"residuals by an autoregression, which is that of the residuals of {where} (Ljung, System Identification, "
+        f"residuals by an autoregression, which is that of the residuals of {source} (Ljung, System Identification, "
         "1999, section 3.2). With white residuals it is the free run."
     )
 
@@ -142,10 +142,10 @@ def run_figure(result: ModelRun) -> Figure:
 def prediction_figure(result: ModelRun) -> Figure:
     """Each output with its prediction."""
     assert result.ahead is not None
-    a, what = result.ahead, f"{result.ahead.horizon} sample(s) ahead"
+    a, label = result.ahead, f"{result.ahead.horizon} sample(s) ahead"
     return free_runs_figure(
         [
-            Run(e, a.output[:, j], a.percents[j], f"{e.y_name}: prediction, NOT a free run", what)
+            Run(e, a.output[:, j], a.percents[j], f"{e.y_name}: prediction, NOT a free run", label)
             for j, e in enumerate(_outputs(result.data))
         ]
     )
@@ -163,8 +163,8 @@ def models_page(result: Models) -> Page:
         "outputs, which give its initial state and are not scored. Where all models leave the measurement together, "
         "they lack the same thing."
     )
-    alone = "The same runs one by one. Look for the stretches where a model leaves the measurement."
-    drawn = Picture.of("overlay", overlay_figure(result), overlay)
+    single_caption = "The same runs one by one. Look for the stretches where a model leaves the measurement."
+    picture = Picture.of("overlay", overlay_figure(result), overlay)
     runs = [Run(one_output(r.data, 0), r.output[:, 0], r.percents[0], r.model.name) for r in result.runs[:SHOWN]]
     return Page(
         f"{len(result.runs)} models on {result.record.path.name}",
@@ -174,9 +174,9 @@ def models_page(result: Models) -> Page:
             Section(
                 "Models",
                 tables=models_tables(result),
-                pictures=[drawn],
+                pictures=[picture],
             ),
-            Section("One by one", pictures=[Picture.of("one-by-one", free_runs_figure(runs), alone)]),
+            Section("One by one", pictures=[Picture.of("one-by-one", free_runs_figure(runs), single_caption)]),
         ],
         versions(),
     )
@@ -185,28 +185,28 @@ def models_page(result: Models) -> Page:
 def models_sentences(result: Models) -> list[str]:
     """Which model is best, whether a smaller one does as well, and what to know of each."""
     best, smaller = result.best, result.smaller
-    said = [f"{best.model.name} follows the record best: {percent(best.percent)} in free run."]
+    lines = [f"{best.model.name} follows the record best: {percent(best.percent)} in free run."]
     if not best.percent > 0.0:
-        said = [
+        lines = [
             f"No model follows the record: none is better than the mean of the output; the least bad is "
             f"{best.model.name} with {percent(best.percent)} in free run."
         ]
     if smaller is not None:
-        said.append(
+        lines.append(
             f"{smaller.model.name} is within {CLOSE:g} points of it ({percent(smaller.percent)}) with "
             f"{smaller.model.fit.criteria.d} parameters in place of {best.model.fit.criteria.d}: prefer it."
         )
     if not comparable(result):
-        said.append(
+        lines.append(
             "FPE and AIC are not comparable here: they refer to records of other lengths, sampling times or units, or "
             "to errors of another kind."
         )
     if len(result.runs) > SHOWN:
-        said.append(f"The figures show the best {SHOWN} of {len(result.runs)} models.")
-    said += [f"Note: {note}." for note in result.notes]
+        lines.append(f"The figures show the best {SHOWN} of {len(result.runs)} models.")
+    lines += [f"Note: {note}." for note in result.notes]
     for run in result.runs:
-        said += [f"Note on {run.model.name}: {note}." for note in run.notes if note not in result.notes]
-    return said + ([best.next.sentence()] if best.next is not None else [])
+        lines += [f"Note on {run.model.name}: {note}." for note in run.notes if note not in result.notes]
+    return lines + ([best.next.sentence()] if best.next is not None else [])
 
 
 def models_tables(result: Models) -> list[Grid]:

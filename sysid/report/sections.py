@@ -9,7 +9,7 @@ from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.quantities import display_quantity, number, percent, pole
 from sysid.joint.values import JointValue
 from sysid.nlarx.result import ONE_STEP, NlarxFit
-from sysid.plots.responses import noted
+from sysid.plots.responses import note_sentences
 from sysid.report.page import Grid
 from sysid.uncertainty.intervals import Interval, Root
 from sysid.workflow.results import Evaluation
@@ -53,11 +53,11 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
     """Physical values of an actuated joint in display units; None for other structures."""
     if not evaluation.values:
         return None
-    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in told_once(evaluation.values)]
+    rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in distinct_values(evaluation.values)]
     return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
 
 
-def told_once(values: Sequence[JointValue]) -> list[JointValue]:
+def distinct_values(values: Sequence[JointValue]) -> list[JointValue]:
     """The values without the friction in motion of a way whose moving friction, the same number, is among them."""
     moving = {v.name.replace("moving_friction", "coulomb") for v in values}
     return [v for v in values if v.name not in moving or not v.name.startswith("coulomb")]
@@ -65,8 +65,8 @@ def told_once(values: Sequence[JointValue]) -> list[JointValue]:
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:
     """Value, interval and unit of a physical value; angles in degrees. What the record does not determine is a dash."""
-    shown_as = display_quantity(v.name, v.unit)
-    factor, unit = shown_as.factor, shown_as.unit
+    quantity = display_quantity(v.name, v.unit)
+    factor, unit = quantity.factor, quantity.unit
     if not v.determined:
         return number(None), v.why.split(" (")[0] if v.why.startswith("not reached") else NOT_KNOWN, unit
     if v.low is None or v.high is None:
@@ -80,16 +80,16 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
 
 def undetermined_in_words(evaluation: Evaluation) -> str:
     """One sentence for each value that the record does not determine, with the reason and what to record."""
-    found = []
+    lines = []
     for v in evaluation.values:
-        name, why = WORDS.get(v.name, v.name), v.why
+        name, reason = WORDS.get(v.name, v.name), v.why
         if v.name.startswith("moving_friction"):
             name = WORDS[v.name.replace("moving_friction", "breakaway")]
-            why = why.removeprefix("break-away is not determined: ")
+            reason = reason.removeprefix("break-away is not determined: ")
         elif v.determined:
             continue
-        found.append(f"{name[0].upper()}{name[1:]}: {why or 'this record does not show it'}.")
-    return " ".join(["Not determined.", *found]) if found else ""
+        lines.append(f"{name[0].upper()}{name[1:]}: {reason or 'this record does not show it'}.")
+    return " ".join(["Not determined.", *lines]) if lines else ""
 
 
 def decimals(width: float) -> int:
@@ -108,7 +108,7 @@ def pole_grid(evaluation: Evaluation) -> Grid | None:
             "pole",
             pole_exact(z),
             number(abs(z), 5),
-            _between(r.modulus if r else None),
+            _range_text(r.modulus if r else None),
             _time_constant(z, Ts),
             _lasting(r),
         )
@@ -126,14 +126,15 @@ def intervals_in_words(evaluation: Evaluation) -> str:
     notes = dict.fromkeys(r.note or r.modulus.note for r in evaluation.roots)
     notes.pop("", None)
     coloured = evaluation.tests is not None and not evaluation.tests.white
-    how = "allow for coloured residuals" if coloured else "assume white residuals"
+    assumption = "allow for coloured residuals" if coloured else "assume white residuals"
     words = (
-        f"The intervals apply to this structure on this record and {how}; they do not include errors of the structure."
+        f"The intervals apply to this structure on this record and {assumption}; they do not include errors of the "
+        "structure."
     )
-    return " ".join([words, *(words for note in notes for words in noted("a pole", note))])
+    return " ".join([words, *(words for note in notes for words in note_sentences("a pole", note))])
 
 
-def _between(interval: Interval | None, digits: int = 4) -> str:
+def _range_text(interval: Interval | None, digits: int = 4) -> str:
     """The interval of a non-negative quantity."""
     if interval is None or not np.isfinite(interval.std):
         return "not known"
@@ -143,7 +144,7 @@ def _between(interval: Interval | None, digits: int = 4) -> str:
 
 
 def _lasting(root: Root | None) -> str:
-    return "not known" if root is None else _between(root.time_constant, 3)
+    return "not known" if root is None else _range_text(root.time_constant, 3)
 
 
 def pole_exact(z: complex) -> str:
@@ -180,19 +181,19 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
         ),
         ("free parameters d / samples N", f"{c.d} / {c.N}", "d without gauge freedoms, with initial states"),
     ]
-    *most, last = (entry.label for entry in CRITERIA.values())
-    caption = f"{', '.join(most)} and {last} use one-step-ahead errors" if one_step(evaluation) else ""
+    *others, last = (entry.label for entry in CRITERIA.values())
+    caption = f"{', '.join(others)} and {last} use one-step-ahead errors" if one_step(evaluation) else ""
     return Grid(("criterion", "value", "meaning"), rows, caption, last_text=True)
 
 
 def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
-    one = evaluation.one_step
-    if one is None:
+    prediction = evaluation.one_step
+    if prediction is None:
         return []
     meaning = "each sample from all previous measured samples"
     return [
-        ("fit, ONE STEP ahead, validation data", percent(one.validation_fit), meaning),
-        ("fit, ONE STEP ahead, estimation data", percent(one.estimation_fit), meaning),
+        ("fit, ONE STEP ahead, validation data", percent(prediction.validation_fit), meaning),
+        ("fit, ONE STEP ahead, estimation data", percent(prediction.estimation_fit), meaning),
     ]
 
 

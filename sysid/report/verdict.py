@@ -38,22 +38,22 @@ def too_narrow(e: Evaluation) -> str:
     """Why every interval of this fit is known to be too narrow; empty if nothing says so."""
     if not any(v.low is not None for v in e.values) and not any(np.isfinite(r.modulus.upper) for r in e.roots or ()):
         return ""
-    why = ""
+    reason = ""
     gap = e.estimation_fit - e.validation_fit
     if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
-        why = (
+        reason = (
             f"the fit falls from {percent(e.estimation_fit)} on the estimation data to {percent(e.validation_fit)} on "
             "the validation data"
         )
     elif bad(e):
-        why = f"the free run explains only {percent(e.validation_fit)} of the validation data"
+        reason = f"the free run explains only {percent(e.validation_fit)} of the validation data"
     elif e.tests is not None and not e.tests.independent:
-        why = "the residuals depend on the input"
-    if not why:
+        reason = "the residuals depend on the input"
+    if not reason:
         return ""
     return (
-        f"Too narrow: {why}, so the structure lacks something of the system, which no interval here contains. The true "
-        "value may lie outside more often than 5 times in 100."
+        f"Too narrow: {reason}, so the structure lacks something of the system, which no interval here contains. The "
+        "true value may lie outside more often than 5 times in 100."
     )
 
 
@@ -69,14 +69,14 @@ def stability(e: Evaluation) -> str:
         )
     if e.one_step is None:
         return runs
-    one = percent(e.one_step.validation_fit)
-    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {one}."
+    prediction_fit = percent(e.one_step.validation_fit)
+    return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {prediction_fit}."
 
 
 def _not_a_joint(result: Identification) -> str:
-    said = result.evaluation.joint
-    assert said is not None
-    return f"{said.sentence()} {_what_to_do(result, why=False)}".strip()
+    judgement = result.evaluation.joint
+    assert judgement is not None
+    return f"{judgement.sentence()} {_what_to_do(result, why=False)}".strip()
 
 
 def _bad(result: Identification) -> str:
@@ -87,18 +87,18 @@ def _bad(result: Identification) -> str:
         worth = "the constant mean of the output would be better, with 0 %"
     return (
         f"This model is not good enough to use: its free run has a fit of {percent(e.validation_fit)} to the output of "
-        f"the validation data ({worth}). {left(e)}{_what_to_do(result)}"
+        f"the validation data ({worth}). {exit_sentence(e)}{_what_to_do(result)}"
     )
 
 
-def left(e: Evaluation) -> str:
+def exit_sentence(e: Evaluation) -> str:
     """Where and how far the free run leaves the validation data first; empty if it stays near them."""
     run = np.asarray(e.validation_output, dtype=float).reshape(e.validation.N, -1) + e.validation.y_offset
     for k in range(run.shape[1]):
-        away = departure(e.validation.y[:, k] + e.validation.y_offset[k], run[:, k])
-        if away is not None:
+        exit = departure(e.validation.y[:, k] + e.validation.y_offset[k], run[:, k])
+        if exit is not None:
             y = display_quantity(e.validation.y_name, e.validation.y_unit)
-            return f"{away.sentence('free run', e.validation.Ts, y)} "
+            return f"{exit.sentence('free run', e.validation.Ts, y)} "
     return ""
 
 
@@ -123,9 +123,9 @@ def tests_in_words(evaluation: Evaluation) -> str:
     if t is None:
         return "The validation data are too short for residual tests."
     subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
-    outside = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside)"
-    together = f" (all lags together: {_likely(t.independence_p)})"
-    return f"{subject} are {residuals_in_words(t, outside, together)}.{_no_voucher(evaluation)}"
+    lags = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside)"
+    chance = f" (all lags together: {_chance_text(t.independence_p)})"
+    return f"{subject} are {residuals_in_words(t, lags, chance)}.{_no_voucher(evaluation)}"
 
 
 def residuals_in_words(tests: ResidualTests, outside: str = "", together: str = "") -> str:
@@ -139,16 +139,16 @@ def residuals_in_words(tests: ResidualTests, outside: str = "", together: str = 
 def _no_voucher(evaluation: Evaluation) -> str:
     """That a passed test does not vouch for a poor model; where both pass and some fit is left, noise is the reason."""
     t, fit = evaluation.tests, evaluation.validation_fit
-    passed = [] if t is None else [name for name, ok in (("whiteness", t.white), ("independence", t.independent)) if ok]
-    if not passed or fit >= NO_VOUCHER or (len(passed) == 2 and fit > 0.0):
+    names = [] if t is None else [name for name, ok in (("whiteness", t.white), ("independence", t.independent)) if ok]
+    if not names or fit >= NO_VOUCHER or (len(names) == 2 and fit > 0.0):
         return ""
     return (
-        f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(passed)} test"
-        f"{'s have' if len(passed) == 2 else ' has'} little power, because the residuals are as large as the output."
+        f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(names)} test"
+        f"{'s have' if len(names) == 2 else ' has'} little power, because the residuals are as large as the output."
     )
 
 
-def _likely(p: float) -> str:
+def _chance_text(p: float) -> str:
     """How often chance alone gives such correlations."""
     return f"chance gives such correlations in {_share(p)} of records" if p >= 1e-4 else "chance does not explain it"
 

@@ -16,7 +16,7 @@ from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import parts_figure
 from sysid.plots.responses import step_figure
 from sysid.report import figures, inspection
-from sysid.report.verdict import left
+from sysid.report.verdict import exit_sentence
 from sysid.uncertainty.curves import NORMALISED, OWN, Curve
 from sysid.uncertainty.intervals import Band
 
@@ -92,7 +92,7 @@ def test_the_caption_says_what_was_added_only_where_something_was(removed):
 def test_a_run_that_leaves_the_data_is_told_as_it_is_drawn(removed):
     data, _ = removed
     away = SimpleNamespace(validation=data, validation_output=np.linspace(0.0, 4.5, data.N))
-    assert "reaches 286 deg" in left(away).replace("2.9e2", "286") or "reaches 290 deg" in left(away)
+    assert "reaches 286 deg" in exit_sentence(away).replace("2.9e2", "286") or "reaches 290 deg" in exit_sentence(away)
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
 
 
 def test_a_probability_is_a_number_that_people_write():
-    assert [verdict._likely(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
+    assert [verdict._chance_text(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
         "100 % of records",
         "12 % of records",
         "1.2 % of records",
