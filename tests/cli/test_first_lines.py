@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from sysid import IOData, select
 from sysid.base.errors import InputError
-from sysid.report.identify import _named, ranking_grid
+from sysid.report.identify import _with_commands, ranking_grid
 from sysid.selection.folds import folds
 from sysid.selection.journal import Journal
 from sysid.selection.select import _Work
@@ -41,10 +41,10 @@ def test_the_page_and_the_console_begin_with_what_a_bad_model_is_good_for(tmp_pa
 
 def test_commands_in_sentences_name_this_record():
     record = SimpleNamespace(path=Path("my log.csv"), options=("--ts", "0.1"), files=())
-    assert _named("record pulses (qpal design --for breakaway FILE).", record) == (
+    assert _with_commands("record pulses (qpal design --for breakaway FILE).", record) == (
         "record pulses (qpal design --for breakaway 'my log.csv' --ts 0.1)."
     )
-    assert _named("see qpal design FILE or FILE", record) == "see qpal design 'my log.csv' --ts 0.1 or FILE"
+    assert _with_commands("see qpal design FILE or FILE", record) == "see qpal design 'my log.csv' --ts 0.1 or FILE"
 
 
 def test_the_table_of_a_search_tells_of_every_structure_and_why_one_has_no_fit():
