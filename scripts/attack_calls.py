@@ -26,28 +26,28 @@ from fuzz.public import SEARCHED, calls
 from fuzz.supply import Supply
 
 
-def share(part: int, parts: int, every: int, only: str) -> list[tuple[str, str, str, str, str]]:
+def share(part: int, parts: int, every: int, part_of_name: str) -> list[tuple[str, str, str, str, str]]:
     """Of one process: name, parameter, value, outcome and what was said, for its part of the targets."""
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         warnings.simplefilter("ignore")
         supply = Supply()
-        for k, (name, valid, tried) in enumerate(calls(supply)):
-            if k % parts != part or only not in name:
+        for k, (name, valid, attempts) in enumerate(calls(supply)):
+            if k % parts != part or part_of_name not in name:
                 continue
-            tried = tried[hash_of(name) % every :: every]
-            done = attacked([valid, *(call for _, _, call in tried)])
-            rows.append((name, "", "", *done[0]))
-            if done[0][0] == "valid":
-                rows += [(name, p, v, *_judged(name, d)) for (p, v, _), d in zip(tried, done[1:], strict=True)]
+            attempts = attempts[hash_of(name) % every :: every]
+            outcomes = attacked([valid, *(call for _, _, call in attempts)])
+            rows.append((name, "", "", *outcomes[0]))
+            if outcomes[0][0] == "valid":
+                rows += [(name, p, v, *_judged(name, d)) for (p, v, _), d in zip(attempts, outcomes[1:], strict=True)]
         os.chdir("/")
     return rows
 
 
-def _judged(name: str, done: tuple[str, str]) -> tuple[str, str]:
+def _judged(name: str, outcome: tuple[str, str]) -> tuple[str, str]:
     """What is not finite is fine from calls that a search makes with any values."""
-    return ("fine", "") if done[0] == "nan" and name.startswith(SEARCHED) else done
+    return ("fine", "") if outcome[0] == "nan" and name.startswith(SEARCHED) else outcome
 
 
 def hash_of(name: str) -> int:
@@ -61,24 +61,24 @@ def main() -> None:
     parser.add_argument("--only", default="", help="only names that contain this")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--show", action="store_true", help="list the flagged calls on standard error")
-    given = parser.parse_args()
-    begun = time.monotonic()
-    with multiprocessing.get_context("fork").Pool(given.jobs) as pool:
-        parts = [(k, given.jobs, given.every, given.only) for k in range(given.jobs)]
-        rows = [row for found in pool.starmap(share, parts) for row in found]
-    made = [r for r in rows if r[1]]
-    bad = [r for r in made if r[3] not in ("fine", "sentence")]
-    if given.show:
+    options = parser.parse_args()
+    start = time.monotonic()
+    with multiprocessing.get_context("fork").Pool(options.jobs) as pool:
+        parts = [(k, options.jobs, options.every, options.only) for k in range(options.jobs)]
+        rows = [row for rows_of_process in pool.starmap(share, parts) for row in rows_of_process]
+    attacks = [r for r in rows if r[1]]
+    bad = [r for r in attacks if r[3] not in ("fine", "sentence")]
+    if options.show:
         for row in bad + [r for r in rows if r[3] == "invalid"]:
             print(*row, sep=" | ", file=sys.stderr)
     counts = {
-        "names": len({r[0] for r in made}),
-        "calls": len(made),
+        "names": len({r[0] for r in attacks}),
+        "calls": len(attacks),
         "flagged": len(bad),
-        **dict(sorted(Counter(r[3] for r in made).items())),
+        **dict(sorted(Counter(r[3] for r in attacks).items())),
         "no valid call known": sorted(r[0] for r in rows if r[3] in ("invalid", "hang", "died") and not r[1]),
         "worst": dict(Counter(r[0] for r in bad).most_common(15)),
-        "seconds": round(time.monotonic() - begun, 1),
+        "seconds": round(time.monotonic() - start, 1),
     }
     print(json.dumps(counts, indent=1))
 

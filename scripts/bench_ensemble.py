@@ -73,25 +73,27 @@ def throughput(name: str, experiment: Experiment, draws: Draws | None, o: argpar
         ensemble = Ensemble(experiment, range(o.experiments), draws, folder)
         cases = ensemble.members.prepare(range(o.experiments))
     runs = [case.run for case in cases if case.run is not None]
-    per = round(experiment.Ts / TIMESTEP)
+    steps_per_sample = round(experiment.Ts / TIMESTEP)
     lead = np.zeros((len(runs), round(SETTLE / TIMESTEP), len(experiment.joints)))
-    voltages = np.concatenate([lead, np.repeat(np.stack([run.commands for run in runs]), per, axis=1)], axis=1)
+    voltages = np.concatenate(
+        [lead, np.repeat(np.stack([run.commands for run in runs]), steps_per_sample, axis=1)], axis=1
+    )
     steps = voltages.shape[0] * voltages.shape[1]
 
-    def bare(record: tuple[str, ...]) -> None:
+    def step_models(record: tuple[str, ...]) -> None:
         batch = Batch(runs[0].model, len(runs), o.threads)
         if draws is not None:
             batch.set_models([run.model for run in runs])
         batch.qpos = np.stack([run.qpos for run in runs])
         batch.rollout(voltages.shape[1], voltages, record=record)
 
-    def whole() -> None:
+    def run_ensemble() -> None:
         with tempfile.TemporaryDirectory() as folder:
             Ensemble(experiment, range(o.experiments), draws, folder).run(o.threads)
 
     rounds = []
     for k in range(o.pairs + 1):
-        turns: list[Callable[[], None]] = [whole, lambda: bare(()), lambda: bare(("sensordata",))]
+        turns: list[Callable[[], None]] = [run_ensemble, lambda: step_models(()), lambda: step_models(("sensordata",))]
         order = [0, 1, 2] if k % 2 else [2, 1, 0]
         times = {i: timed(turns[i]) for i in order}
         if k > 0:  # the first turn warms up
@@ -115,16 +117,18 @@ def memory(threads: int) -> None:
     """Print the largest resident memory of ensembles of two sizes."""
     for count in (500, 2000):
         command = [sys.executable, "-c", MEMORY, str(count), str(threads)]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-        print(f"{count} experiments of 5 s with drawn friction: {int(done.stdout) / 1024:.0f} MiB at most", flush=True)
+        process = subprocess.run(command, capture_output=True, text=True, check=True)
+        print(
+            f"{count} experiments of 5 s with drawn friction: {int(process.stdout) / 1024:.0f} MiB at most", flush=True
+        )
 
 
 def timed(run: Callable[[], None]) -> tuple[float, float]:
     """Seconds on the wall, and of all processors, that `run` takes."""
-    wall, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF)
+    wall, start = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF)
     run()
-    after = resource.getrusage(resource.RUSAGE_SELF)
-    return time.perf_counter() - wall, after.ru_utime + after.ru_stime - used.ru_utime - used.ru_stime
+    end = resource.getrusage(resource.RUSAGE_SELF)
+    return time.perf_counter() - wall, end.ru_utime + end.ru_stime - start.ru_utime - start.ru_stime
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--rounds", type=int, default=3)
-    given = parser.parse_args()
-    part = suites.Part(("drawn/hammerstein_wiener", "drawn/wiener"), ("hammerstein_wiener", "wiener"), given.seeds)
+    options = parser.parse_args()
+    part = suites.Part(("drawn/hammerstein_wiener", "drawn/wiener"), ("hammerstein_wiener", "wiener"), options.seeds)
     cells = suites.cells([part], 20.0, FAMILIES, METHODS, 50)
     with tempfile.TemporaryDirectory() as folder:
 
@@ -37,14 +37,15 @@ def main():
         print(f"report of {count} rows: {seconds:.1f} s")
         timed(runner("warm", 2))
         rows = []
-        for k in range(given.rounds):
-            plain = timed(lambda: [cell.run_cell(each) for each in cells])
+        for k in range(options.rounds):
+            plain = timed(lambda: [cell.run_cell(cell_of_suite) for cell_of_suite in cells])
             rows.append((plain, timed(runner(f"one-{k}", 1)), timed(runner(f"two-{k}", 2))))
-    plain, one, two = np.median(np.array(rows), axis=0)
+    plain, row, two = np.median(np.array(rows), axis=0)
     share = np.median([b / a - 1 for a, b, _ in rows])
     gain = np.median([b / c for _, b, c in rows])
     print(
-        f"{len(cells)} rows, median of {given.rounds}: loop {plain:.1f} s, runner {one:.1f} s, two workers {two:.1f} s"
+        f"{len(cells)} rows, median of {options.rounds}: loop {plain:.1f} s, runner {row:.1f} s, "
+        f"two workers {two:.1f} s"
     )
     print(f"runner over loop: {100 * share:.1f} % more; two workers beside one: {gain:.2f} times the rows a second")
 

@@ -22,10 +22,10 @@ SHOWN = {"overlay-3": "held-out", "residuals": "residuals", "correlation": "corr
 
 def story(docs: Path) -> None:
     """Write the pictures into `docs` and print what the console shows and the parameter file."""
-    with tempfile.TemporaryDirectory() as made:
-        os.chdir(made)
-        used, fresh, mapping = standin.written(standin.StandIn(JOINT, SEED), Path())
-        command = ["calibrate", *map(str, used), "--joint", JOINT, "--map", str(mapping), "--hold-out", str(fresh)]
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        captures, fresh, mapping = standin.written(standin.StandIn(JOINT, SEED), Path())
+        command = ["calibrate", *map(str, captures), "--joint", JOINT, "--map", str(mapping), "--hold-out", str(fresh)]
         print("$ qpal", *command, "--out run")
         print("exit code", main([*command, "--out", "run"]))
         print(Path(f"run/{JOINT}.toml").read_text(encoding="utf-8"))

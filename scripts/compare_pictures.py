@@ -33,13 +33,15 @@ def save(png: bytes, name: str) -> None:
 
 def main() -> None:
     """The strip and the effects of one stand-in."""
-    given = stand_in(*SHOWN)
-    print(given.joint, given.size)
-    found = twin_response(given.log, given.joint)
-    traces = Traces(given.joint, found.t, found.u, found.y, found.twin)
-    replay = Replay(Movement(found.t, {given.joint: found.y}), Movement(found.t, {given.joint: found.twin}))
+    example = stand_in(*SHOWN)
+    print(example.joint, example.size)
+    comparison = twin_response(example.log, example.joint)
+    traces = Traces(example.joint, comparison.t, comparison.u, comparison.y, comparison.twin)
+    replay = Replay(
+        Movement(comparison.t, {example.joint: comparison.y}), Movement(comparison.t, {example.joint: comparison.twin})
+    )
     save(style.png(pictures.strip(replay, pictures.Names("log", "twin"), 6, traces)), "strip")
-    verdict = explain(Trials(Follower(given.log, given.joint), Parameters()))
+    verdict = explain(Trials(Follower(example.log, example.joint), Parameters()))
     save(style.png(compare_figures.effects(verdict)), "effects")
 
 

@@ -65,8 +65,8 @@ def covariance() -> Iterator[None]:
     right = informing.information_at
 
     def wrong(*arguments: Any, **options: Any) -> Any:
-        found = right(*arguments, **options)
-        return replace(found, factor=2.0 * found.factor)
+        information = right(*arguments, **options)
+        return replace(information, factor=2.0 * information.factor)
 
     with patch.object(informing, "information_at", wrong):
         yield
@@ -92,9 +92,9 @@ def cells(tag: str, seeds: int | None) -> list[Cell]:
     """The cells of a tag on the families of the library, with at most so many seeds for each scenario."""
     parts = []
     for part in suites.SUITES[tag].parts:
-        own = tuple(pattern for pattern in part.scenarios if pattern.partition("/")[0] in scenarios.TABLE)
-        if own:
-            parts.append(replace(part, scenarios=own, seeds=min(part.seeds, seeds or part.seeds)))
+        patterns = tuple(pattern for pattern in part.scenarios if pattern.partition("/")[0] in scenarios.TABLE)
+        if patterns:
+            parts.append(replace(part, scenarios=patterns, seeds=min(part.seeds, seeds or part.seeds)))
     return suites.cells(parts, suites.SUITES[tag].seconds, scenarios.TABLE, METHODS, ours=OURS)
 
 
@@ -102,14 +102,14 @@ def fill(path: Path, todo: list[Cell]) -> None:
     """Run the cells that the table lacks, in this process, where the damage is."""
     table = Table(path)
     with table.writing():
-        done = table.row_keys()
+        keys = table.row_keys()
         for cell in todo:
-            if cell.key not in done:
+            if cell.key not in keys:
                 table.add(run_cell(cell))
                 print(path.stem, *cell.key, file=sys.stderr)
 
 
-def caught(name: str, folder: Path, every: list[Cell]) -> tuple[bool, Verdict]:
+def judge_damage(name: str, folder: Path, every: list[Cell]) -> tuple[bool, Verdict]:
     """Whether a damage is called worse and its own room is named."""
     damage = DAMAGES[name]
     todo = [cell for cell in every if (cell.method.name == SEARCHES) == damage.chooses]
@@ -128,14 +128,16 @@ def main() -> int:
     parser.add_argument("--out", type=Path, default=Path("runs/damaged"), help="folder of the tables")
     parser.add_argument("--tag", default="quick", choices=sorted(suites.SUITES))
     parser.add_argument("--seeds", type=int, help="at most so many for each scenario; the tag's if not given")
-    given = parser.parse_args()
-    given.out.mkdir(parents=True, exist_ok=True)
-    every, unseen = cells(given.tag, given.seeds), []
-    for name in given.damages or DAMAGES:
-        seen, verdict = caught(name, given.out, every)
-        print(f"\n{name}: {'caught and named' if seen else 'NOT named'}", *verdict.sentences, sep="\n  ", flush=True)
-        unseen += [] if seen else [name]
-    return 1 if unseen else 0
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    every, missed = cells(options.tag, options.seeds), []
+    for name in options.damages or DAMAGES:
+        is_caught, verdict = judge_damage(name, options.out, every)
+        print(
+            f"\n{name}: {'caught and named' if is_caught else 'NOT named'}", *verdict.sentences, sep="\n  ", flush=True
+        )
+        missed += [] if is_caught else [name]
+    return 1 if missed else 0
 
 
 if __name__ == "__main__":

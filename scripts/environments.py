@@ -140,19 +140,19 @@ def run(name: str, folder: Path, verbs: Sequence[str] = tuple(VERBS)) -> dict[st
     folder.mkdir(parents=True)
     for file, content in environment.files.items():
         (folder / file).write_bytes(content)
-    found: dict[str, Any] = {"codes": {}, "seconds": {}, "wrong": []}
+    result: dict[str, Any] = {"codes": {}, "seconds": {}, "wrong": []}
     for verb in verbs:
-        begun = time.monotonic()
-        code, said = _call([*environment.before, sys.executable, "-c", QPAL, *VERBS[verb]], folder, variables, name)
-        found["codes"][verb], found["seconds"][verb] = code, round(time.monotonic() - begun, 1)
-        lines = [line for line in said.splitlines() if line.startswith("qpal: ")]
+        start = time.monotonic()
+        code, output = _call([*environment.before, sys.executable, "-c", QPAL, *VERBS[verb]], folder, variables, name)
+        result["codes"][verb], result["seconds"][verb] = code, round(time.monotonic() - start, 1)
+        lines = [line for line in output.splitlines() if line.startswith("qpal: ")]
         if code != 0 and not (environment.refused and code == 2 and len(lines) == 1):
-            found["wrong"].append(f"{verb} ended with {code}: {' / '.join(said.splitlines()[-2:])[:400]}")
-        if "Traceback" in said:
-            found["wrong"].append(f"{verb} shows a traceback")
+            result["wrong"].append(f"{verb} ended with {code}: {' / '.join(output.splitlines()[-2:])[:400]}")
+        if "Traceback" in output:
+            result["wrong"].append(f"{verb} shows a traceback")
         if code != 0:
             break
-    return found
+    return result
 
 
 def _call(command: Sequence[str], folder: Path, variables: Mapping[str, str], name: str) -> tuple[int, str]:
@@ -165,14 +165,14 @@ def _call(command: Sequence[str], folder: Path, variables: Mapping[str, str], na
         if environment.shut:
             os.close(1)
 
-    with (folder / "stderr").open("w+", encoding="utf-8", errors="replace") as said:
+    with (folder / "stderr").open("w+", encoding="utf-8", errors="replace") as file:
         process = subprocess.Popen(
             command,
             cwd=folder,
             env=variables,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=file,
             preexec_fn=first,
             start_new_session=True,
         )
@@ -181,8 +181,8 @@ def _call(command: Sequence[str], folder: Path, variables: Mapping[str, str], na
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             code = process.wait()
-        said.seek(0)
-        return code, said.read()
+        file.seek(0)
+        return code, file.read()
 
 
 def differences(folder: Path, plain: Path) -> list[str]:
@@ -192,13 +192,13 @@ def differences(folder: Path, plain: Path) -> list[str]:
         name = path.relative_to(plain)
         if not path.is_file() or path.suffix in (".html", "") or path.name == "matplotlibrc":
             continue
-        other = folder / name
-        if not other.is_file():
+        copy = folder / name
+        if not copy.is_file():
             wrong.append(f"{name} is missing")
         elif path.suffix == ".json":
-            if _numbers(json.loads(path.read_bytes())) != _numbers(json.loads(other.read_bytes())):
+            if _numbers(json.loads(path.read_bytes())) != _numbers(json.loads(copy.read_bytes())):
                 wrong.append(f"{name} has other values")
-        elif path.read_bytes() != other.read_bytes():
+        elif path.read_bytes() != copy.read_bytes():
             wrong.append(f"{name} has other bytes")
     return wrong
 
@@ -211,23 +211,23 @@ def _numbers(value: Any) -> Any:
 
 def matrix(names: Sequence[str], verbs: Sequence[str]) -> dict[str, Any]:
     """The table of all these environments, each beside the plain one."""
-    begun, table = time.monotonic(), {}
+    start, table = time.monotonic(), {}
     with tempfile.TemporaryDirectory() as place:
         base = Path(place) / "plain"
         for k, name in enumerate(["plain", *(name for name in names if name != "plain")]):
             folder = base if name == "plain" else Path(place) / str(k)
-            table[name] = found = run(name, folder, verbs)
-            if name != "plain" and found.get("codes") and not any(found["codes"].values()):
-                found["wrong"] += differences(folder, base)
-            print(f"{name}: {found.get('wrong') or found.get('skipped') or found['codes']}", file=sys.stderr)
+            table[name] = result = run(name, folder, verbs)
+            if name != "plain" and result.get("codes") and not any(result["codes"].values()):
+                result["wrong"] += differences(folder, base)
+            print(f"{name}: {result.get('wrong') or result.get('skipped') or result['codes']}", file=sys.stderr)
             if name != "plain":
                 shutil.rmtree(folder, ignore_errors=True)
-    wrong = sorted(name for name, found in table.items() if found.get("wrong"))
+    wrong = sorted(name for name, result in table.items() if result.get("wrong"))
     return {
         "environments": len(table),
         "wrong": wrong,
-        "skipped": sorted(name for name, found in table.items() if "skipped" in found),
-        "seconds": round(time.monotonic() - begun, 1),
+        "skipped": sorted(name for name, result in table.items() if "skipped" in result),
+        "seconds": round(time.monotonic() - start, 1),
         "table": table,
     }
 
@@ -236,10 +236,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", choices=TABLE, help="an environment (repeatable); all if not given")
     parser.add_argument("--verbs", nargs="+", choices=VERBS, default=list(VERBS), help="verbs, in this order")
-    given = parser.parse_args()
-    found = matrix(given.only or list(TABLE), given.verbs)
-    print(json.dumps(found, indent=2))
-    return 1 if found["wrong"] else 0
+    options = parser.parse_args()
+    result = matrix(options.only or list(TABLE), options.verbs)
+    print(json.dumps(result, indent=2))
+    return 1 if result["wrong"] else 0
 
 
 if __name__ == "__main__":

@@ -28,19 +28,19 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for samples of failures")
     parser.add_argument("--case", type=int, help="run this case alone, in this process")
-    asked = parser.parse_args()
-    names = list(TARGETS) if asked.what == "all" else [asked.what]
-    if asked.case is not None:
-        return again(names[0], asked.case, asked.seed)
+    options = parser.parse_args()
+    names = list(TARGETS) if options.what == "all" else [options.what]
+    if options.case is not None:
+        return again(names[0], options.case, options.seed)
     total = sum(SHARES[name] for name in names)
-    found = {}
+    result = {}
     for name in names:
-        counts = run(TARGETS[name](), range(round(asked.cases * SHARES[name] / total)), asked.seed, asked.keep)
-        found[name] = counts.as_dict()
+        counts = run(TARGETS[name](), range(round(options.cases * SHARES[name] / total)), options.seed, options.keep)
+        result[name] = counts.as_dict()
         print(name, json.dumps({"cases": counts.cases, "failed": counts.failed}), file=sys.stderr, flush=True)
-    whole, failed = (sum(each[name] for each in found.values()) for name in ("cases", "failed"))
-    print(json.dumps({"seed": asked.seed, "cases": whole, "failed": failed, **found}, indent=2))
-    return 1 if failed else 0
+    cases, failures = (sum(kind[name] for kind in result.values()) for name in ("cases", "failed"))
+    print(json.dumps({"seed": options.seed, "cases": cases, "failed": failures, **result}, indent=2))
+    return 1 if failures else 0
 
 
 def again(name: str, k: int, seed: int) -> int:

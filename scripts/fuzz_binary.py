@@ -119,8 +119,8 @@ def bag(path: Path) -> None:
     kind = "geometry_msgs/msg/Vector3"
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder) / path.name
-        made = rosbags.rosbag1.Writer(place) if one else rosbags.rosbag2.Writer(place, version=9)
-        with made as writer:
+        writer_of_format = rosbags.rosbag1.Writer(place) if one else rosbags.rosbag2.Writer(place, version=9)
+        with writer_of_format as writer:
             topic = writer.add_connection("/log", kind, typestore=store)
             serialize = store.serialize_ros1 if one else store.serialize_cdr
             for k in range(N):
@@ -145,20 +145,20 @@ SOUND: dict[str, Callable[[Path], None]] = {
 }
 
 
-def edited(raw: bytes, rng: np.random.Generator) -> bytes:
+def edit_bytes(raw: bytes, rng: np.random.Generator) -> bytes:
     """One byte (mostly), a run of bytes, a cut, or two blocks in each other's place."""
-    what, at = rng.random(), int(rng.integers(len(raw)))
+    choice, position = rng.random(), int(rng.integers(len(raw)))
     size = int(rng.integers(1, 65))
-    if what < 0.6:
-        values = [0, 1, 0x7F, 0x80, 0xFF, raw[at] ^ 1 << int(rng.integers(8)), int(rng.integers(256))]
-        return raw[:at] + bytes([values[int(rng.integers(len(values)))]]) + raw[at + 1 :]
-    if what < 0.75:
+    if choice < 0.6:
+        values = [0, 1, 0x7F, 0x80, 0xFF, raw[position] ^ 1 << int(rng.integers(8)), int(rng.integers(256))]
+        return raw[:position] + bytes([values[int(rng.integers(len(values)))]]) + raw[position + 1 :]
+    if choice < 0.75:
         run = bytes(size) if rng.random() < 0.5 else rng.bytes(size)
-        return raw[:at] + run + raw[at + size :]
-    if what < 0.85:
-        return raw[:at]
-    other = int(rng.integers(len(raw)))
-    a, b = sorted((at, other))
+        return raw[:position] + run + raw[position + size :]
+    if choice < 0.85:
+        return raw[:position]
+    second = int(rng.integers(len(raw)))
+    a, b = sorted((position, second))
     c = min(a + size, b)
     return raw[:a] + raw[b : b + c - a] + raw[c:b] + raw[a:c] + raw[b + c - a :]
 
@@ -201,39 +201,39 @@ def work(name: str, raw: bytes, seed: int, first: int, last: int, direct: bool, 
 
 def edit(name: str, raw: bytes, seed: int, k: int) -> bytes:
     """Edit k of a sound file, always the same."""
-    return edited(raw, np.random.default_rng([seed, zlib.crc32(name.encode()), k]))
+    return edit_bytes(raw, np.random.default_rng([seed, zlib.crc32(name.encode()), k]))
 
 
 def count(name: str, raw: bytes, seed: int, edits: int, direct: bool) -> tuple[Counter, list[str]]:
     """Counts of what `edits` edits of a file end in, and the first that must not be."""
-    found: Counter = Counter()
+    counts: Counter = Counter()
     bad: list[str] = []
-    done = 0
+    number = 0
     context = multiprocessing.get_context("spawn")
-    while done < edits:
-        with tempfile.NamedTemporaryFile() as said:
-            process = context.Process(target=_to_file, args=(name, raw, seed, done, edits, direct, said.name))
+    while number < edits:
+        with tempfile.NamedTemporaryFile() as output:
+            process = context.Process(target=_to_file, args=(name, raw, seed, number, edits, direct, output.name))
             process.start()
-            moved, size = time.monotonic(), 0
-            while process.is_alive() and time.monotonic() - moved < SLOW:
+            last_progress, size = time.monotonic(), 0
+            while process.is_alive() and time.monotonic() - last_progress < SLOW:
                 process.join(0.05)
-                if os.path.getsize(said.name) != size:
-                    moved, size = time.monotonic(), os.path.getsize(said.name)
+                if os.path.getsize(output.name) != size:
+                    last_progress, size = time.monotonic(), os.path.getsize(output.name)
             hangs = process.is_alive()
             process.kill()
             process.join()
-            for line in Path(said.name).read_text().splitlines():
-                what = line.partition(" ")[2]
-                found[what.partition(":")[0]] += 1
-                if what not in ("numbers", "sentence"):
-                    bad.append(f"edit {done}: {what}")
-                done += 1
-        if done < edits:
-            what = "hang" if hangs else "signal"
-            found[what] += 1
-            bad.append(f"edit {done}: {what} {process.exitcode}")
-            done += 1
-    return found, bad
+            for line in Path(output.name).read_text().splitlines():
+                outcome_text = line.partition(" ")[2]
+                counts[outcome_text.partition(":")[0]] += 1
+                if outcome_text not in ("numbers", "sentence"):
+                    bad.append(f"edit {number}: {outcome_text}")
+                number += 1
+        if number < edits:
+            outcome_text = "hang" if hangs else "signal"
+            counts[outcome_text] += 1
+            bad.append(f"edit {number}: {outcome_text} {process.exitcode}")
+            number += 1
+    return counts, bad
 
 
 def _to_file(name: str, raw: bytes, seed: int, first: int, last: int, direct: bool, answers: str) -> None:
@@ -247,19 +247,19 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--only", nargs="*", default=list(SOUND), choices=list(SOUND), metavar="FILE")
     parser.add_argument("--direct", action="store_true", help="read in the process itself, without its protection")
-    given = parser.parse_args()
+    options = parser.parse_args()
     began = time.monotonic()
     every: dict[str, dict] = {}
     with tempfile.TemporaryDirectory() as folder:
-        for j, name in enumerate(given.only):
+        for j, name in enumerate(options.only):
             path = Path(folder) / name
             SOUND[name](path)
-            edits = given.edits // len(given.only) + (j < given.edits % len(given.only))
-            found, bad = count(name, path.read_bytes(), given.seed, edits, given.direct)
-            every[name] = {**found, **({"first": bad[:3]} if bad else {})}
+            edits = options.edits // len(options.only) + (j < options.edits % len(options.only))
+            counts, bad = count(name, path.read_bytes(), options.seed, edits, options.direct)
+            every[name] = {**counts, **({"first": bad[:3]} if bad else {})}
             print(f"{name}: {every[name]}", file=sys.stderr, flush=True)
     kinds = ("numbers", "sentence", "traceback", "signal", "hang")
-    total = {kind: sum(each.get(kind, 0) for each in every.values()) for kind in kinds}
+    total = {kind: sum(counts_of_file.get(kind, 0) for counts_of_file in every.values()) for kind in kinds}
     seconds = round(time.monotonic() - began)
     print(json.dumps({"edits": sum(total.values()), **total, "seconds": seconds, "files": every}, indent=1))
     return int(any(total[kind] for kind in kinds[2:]))

@@ -40,8 +40,8 @@ def draw() -> Figure:
             (plain, style.INPUT, "play", 0.9),
             (coasting, style.MODEL, "coasting play", 1.2),
         ):
-            off = np.rad2deg(np.sqrt(np.mean((y - link) ** 2)))
-            label = name if y is link else f"{name}, {off:.2f} deg off"
+            error = np.rad2deg(np.sqrt(np.mean((y - link) ** 2)))
+            label = name if y is link else f"{name}, {error:.2f} deg off"
             column[1].plot(t[:n], np.rad2deg(y - drive)[:n], color=colour, linewidth=wide, label=label)
         column[1].set(ylabel="link minus drive [deg]", xlabel="time [s]")
         style.legend(column[1], fontsize=7)

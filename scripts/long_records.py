@@ -24,14 +24,14 @@ def main():
     parser.add_argument("--lengths", type=int, nargs="+", default=[10**k for k in range(3, 8)])
     parser.add_argument("--starts", type=int, default=5)
     parser.add_argument("--one", type=int, help="measure this length in this process, and print JSON")
-    given = parser.parse_args()
-    if given.one:
-        print(json.dumps(measured(given.one, given.starts)))
+    options = parser.parse_args()
+    if options.one:
+        print(json.dumps(measured(options.one, options.starts)))
         return
     print("| N | time [s] | processor [s] | libraries [GiB] | with record [GiB] | peak [GiB] | fit [%] | iterations |")
     print("| --: | --: | --: | --: | --: | --: | --: | --: |")
-    for n in given.lengths:
-        command = [sys.executable, __file__, "--one", str(n), "--starts", str(given.starts)]
+    for n in options.lengths:
+        command = [sys.executable, __file__, "--one", str(n), "--starts", str(options.starts)]
         row = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
         memory = " | ".join(f"{row[name]:.2f}" for name in ("libraries", "record", "peak"))
         print(
@@ -49,14 +49,14 @@ def measured(n, starts):
     sysid.fit(model, record(2000, 1), starts=1)  # compiles, and loads the libraries
     libraries = peak()
     data = record(n, 0)
-    made = peak()
-    began, used = time.perf_counter(), time.process_time()
+    with_record = peak()
+    began, cpu_start = time.perf_counter(), time.process_time()
     fit = sysid.fit(model, data, starts=starts)
     return {
         "seconds": time.perf_counter() - began,
-        "processor": time.process_time() - used,
+        "processor": time.process_time() - cpu_start,
         "libraries": libraries,
-        "record": made,
+        "record": with_record,
         "peak": peak(),
         "fit": 100.0 * (1.0 - np.sqrt(fit.criteria.mse) / float(data.y.std())),
         "iterations": fit.stop.iterations,

@@ -34,14 +34,14 @@ COMPILED = re.compile(r"^\s*@(njit|jit|cfunc|kernel|callback|vectorize|guvectori
 
 def mutants(path: Path, rng: random.Random, count: int) -> list[dict]:
     """`count` mutants of a module, drawn among all."""
-    text, found = path.read_text(encoding="utf-8"), []
+    text, candidates = path.read_text(encoding="utf-8"), []
     for node, statement in sites(tree(path)):
         body = getattr(statement, "body", None)
         last = statement.end_lineno if not isinstance(body, list) else max(statement.lineno, body[0].lineno - 1)
         for new in variants(node):
-            found.append((node, new, statement.lineno, last))
+            candidates.append((node, new, statement.lineno, last))
     rows, version = [], hashlib.sha256(text.encode()).hexdigest()[:12]
-    for node, new, first, last in rng.sample(found, min(count, len(found))):
+    for node, new, first, last in rng.sample(candidates, min(count, len(candidates))):
         row = {"file": os.path.relpath(path, ROOT), "line": node.lineno, "version": version}
         row |= {"old": " ".join(ast.unparse(node).split()), "new": " ".join(ast.unparse(new).split())}
         row["key"] = json.dumps([row["file"], row["version"], node.lineno, node.col_offset, row["new"]])
@@ -53,23 +53,23 @@ def mutants(path: Path, rng: random.Random, count: int) -> list[dict]:
 def feeds_a_kernel(file: str) -> bool:
     """Whether compiled code holds something of this module: a cached kernel does not know when that changes."""
     texts = [p.read_text(encoding="utf-8") for package in PACKAGES for p in (ROOT / package).rglob("*.py")]
-    imported = re.compile(rf"^(from|import) .*\b{Path(file).stem}\b", re.MULTILINE)
+    import_line = re.compile(rf"^(from|import) .*\b{Path(file).stem}\b", re.MULTILINE)
     own = bool(COMPILED.search((ROOT / file).read_text(encoding="utf-8")))
-    return own or any(COMPILED.search(text) and imported.search(text) for text in texts)
+    return own or any(COMPILED.search(text) and import_line.search(text) for text in texts)
 
 
 def judge(row: dict, tests: list[str], place: Path, limit: float) -> str:
     """killed, survived or timeout: one mutant in the copy at `place`."""
     path = place / row["file"]
-    before, stat = path.read_bytes(), path.stat()
+    content, stat = path.read_bytes(), path.stat()
     (place / "tests.txt").write_text("\n".join(tests))
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "@tests.txt"]
     with tempfile.TemporaryDirectory() as cold:
         kernels = cold if feeds_a_kernel(row["file"]) else str(place.parent / "kernels")
-        where = {"NUMBA_CACHE_DIR": kernels, "PYTHONPATH": str(place)}
+        variables = {"NUMBA_CACHE_DIR": kernels, "PYTHONPATH": str(place)}
         path.write_text(row["text"], encoding="utf-8")
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "start_new_session": True}
-        child = subprocess.Popen(command, cwd=place, env=os.environ | where, **quiet)
+        child = subprocess.Popen(command, cwd=place, env=os.environ | variables, **quiet)
         try:
             return "survived" if child.wait(timeout=limit) == 0 else "killed"
         except subprocess.TimeoutExpired:
@@ -78,7 +78,7 @@ def judge(row: dict, tests: list[str], place: Path, limit: float) -> str:
             if child.poll() is None:
                 os.killpg(child.pid, signal.SIGKILL)  # and what the tests started
                 child.wait()
-            path.write_bytes(before)
+            path.write_bytes(content)
             os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
@@ -97,9 +97,9 @@ def report(rows: list[dict]) -> str:
         lines.append(f"{file:44}{c.total():9}" + "".join(f"{c[kind]:10}" for kind in kinds))
     for row in sorted(rows, key=lambda r: (r["file"], r["line"])):
         if row["result"] in ("survived", "untested"):
-            cut = f"   [{row['run']} of {row['known']} tests]" if row["run"] < row["known"] else ""
+            note = f"   [{row['run']} of {row['known']} tests]" if row["run"] < row["known"] else ""
             lines.append(
-                f"{row['result']:9} {row['file']}:{row['line']}  {row['old'][:70]}  ->  {row['new'][:70]}{cut}"
+                f"{row['result']:9} {row['file']}:{row['line']}  {row['old'][:70]}  ->  {row['new'][:70]}{note}"
             )
     return "\n".join(lines)
 
@@ -114,31 +114,35 @@ def main() -> None:
     parser.add_argument("--store", type=Path, default=Path(tempfile.gettempdir()) / "mutants")
     parser.add_argument("--tests", default="tests", help="what pytest is given when tests are recorded, in one string")
     parser.add_argument("--again", action="store_true", help="run what survived or was untested once more")
-    asked = parser.parse_args()
-    until, book = time.monotonic() + 60.0 * asked.minutes, asked.store / "results.jsonl"
-    known = Map(record(asked.store, asked.tests))
-    modules = sorted({path for glob in asked.modules for path in ROOT.glob(glob) if path.suffix == ".py"})
-    drawn = [mutants(p, random.Random(f"{asked.seed} {p.relative_to(ROOT)}"), asked.per_module) for p in modules]
-    plan = [row for rank in itertools.zip_longest(*drawn) for row in rank if row]  # every module early
-    done = {row["key"]: row for row in map(json.loads, book.read_text().splitlines())} if book.exists() else {}
-    done = {key: row for key, row in done.items() if not asked.again or row["result"] in ("killed", "timeout")}
-    place = asked.store / "tree"
+    options = parser.parse_args()
+    deadline, book = time.monotonic() + 60.0 * options.minutes, options.store / "results.jsonl"
+    coverage = Map(record(options.store, options.tests))
+    modules = sorted({path for glob in options.modules for path in ROOT.glob(glob) if path.suffix == ".py"})
+    mutants_of_module = [
+        mutants(p, random.Random(f"{options.seed} {p.relative_to(ROOT)}"), options.per_module) for p in modules
+    ]
+    plan = [row for rank in itertools.zip_longest(*mutants_of_module) for row in rank if row]  # every module early
+    results = {row["key"]: row for row in map(json.loads, book.read_text().splitlines())} if book.exists() else {}
+    results = {key: row for key, row in results.items() if not options.again or row["result"] in ("killed", "timeout")}
+    place = options.store / "tree"
     shutil.rmtree(place, ignore_errors=True)
     shutil.copytree(ROOT, place, ignore=shutil.ignore_patterns(".git", "__pycache__", "runs", ".venv", ".*_cache"))
     for row in plan:
-        if row["key"] in done or time.monotonic() > until:
+        if row["key"] in results or time.monotonic() > deadline:
             continue
-        tests = sorted(known.tests(ROOT / row["file"], row.pop("first"), row.pop("last")), key=known.seconds.get)
-        spent = itertools.accumulate(known.seconds[name] for name in tests)
-        chosen = [name for name, total in zip(tests, spent, strict=True) if total <= asked.most or name == tests[0]]
-        limit = 120.0 + 5.0 * sum(known.seconds[name] for name in chosen)
-        row["result"] = judge(row, chosen, place, limit) if chosen else "untested"
-        row |= {"run": len(chosen), "known": len(tests)}
-        done[row["key"]] = {name: value for name, value in row.items() if name != "text"}
+        tests = sorted(coverage.tests(ROOT / row["file"], row.pop("first"), row.pop("last")), key=coverage.seconds.get)
+        total_seconds = itertools.accumulate(coverage.seconds[name] for name in tests)
+        selection = [
+            name for name, total in zip(tests, total_seconds, strict=True) if total <= options.most or name == tests[0]
+        ]
+        limit = 120.0 + 5.0 * sum(coverage.seconds[name] for name in selection)
+        row["result"] = judge(row, selection, place, limit) if selection else "untested"
+        row |= {"run": len(selection), "known": len(tests)}
+        results[row["key"]] = {name: value for name, value in row.items() if name != "text"}
         with book.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(done[row["key"]]) + "\n")
+            file.write(json.dumps(results[row["key"]]) + "\n")
         print(f"{row['result']:9} {row['file']}:{row['line']}  {changed(row)}", flush=True)
-    print(report([done[row["key"]] for row in plan if row["key"] in done]))
+    print(report([results[row["key"]] for row in plan if row["key"] in results]))
 
 
 if __name__ == "__main__":

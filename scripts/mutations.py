@@ -16,31 +16,31 @@ SILENT = (ast.Raise, ast.Assert, ast.JoinedStr, ast.Import, ast.ImportFrom)  # s
 def variants(node: ast.AST) -> Iterator[ast.AST]:
     """The nodes that may stand in place of this one: other operator, sign, constant, index or word."""
 
-    def changed(**fields) -> ast.AST:
+    def copy_with(**fields) -> ast.AST:
         new = copy.copy(node)
         vars(new).update(fields)
         return new
 
     if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in SWAPS:
-        yield changed(op=SWAPS[type(node.op)]())
+        yield copy_with(op=SWAPS[type(node.op)]())
     elif isinstance(node, ast.Compare):
         for table in (SWAPS, OPPOSITE):
             if type(node.ops[0]) in table:
-                yield changed(ops=[table[type(node.ops[0])](), *node.ops[1:]])
+                yield copy_with(ops=[table[type(node.ops[0])](), *node.ops[1:]])
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.Not):
         yield node.operand
     elif isinstance(node, ast.Constant) and isinstance(node.value, bool):
-        yield changed(value=not node.value)
+        yield copy_with(value=not node.value)
     elif isinstance(node, ast.Constant) and isinstance(node.value, int | float):
-        yield changed(value=node.value + 1)
+        yield copy_with(value=node.value + 1)
         if node.value:
-            yield changed(value=node.value * 2 if isinstance(node.value, int) else node.value * 1.5)
+            yield copy_with(value=node.value * 2 if isinstance(node.value, int) else node.value * 1.5)
     elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in WORDS:
-        yield changed(id=WORDS[node.id])
+        yield copy_with(id=WORDS[node.id])
     elif isinstance(node, ast.Attribute) and node.attr in WORDS:
-        yield changed(attr=WORDS[node.attr])
+        yield copy_with(attr=WORDS[node.attr])
     elif isinstance(node, ast.Return) and isinstance(node.value, ast.BinOp):
-        yield changed(value=ast.BinOp(node.value, ast.Mult(), ast.Constant(2)))
+        yield copy_with(value=ast.BinOp(node.value, ast.Mult(), ast.Constant(2)))
 
 
 def sites(node: ast.AST, statement: ast.stmt | None = None) -> Iterator[tuple[ast.AST, ast.stmt]]:
@@ -51,13 +51,13 @@ def sites(node: ast.AST, statement: ast.stmt | None = None) -> Iterator[tuple[as
         for child in value if isinstance(value, list) else [value]:
             if isinstance(child, SILENT) or not isinstance(child, ast.AST):
                 continue
-            within = child if isinstance(child, ast.stmt) else statement
-            if within is not None and hasattr(child, "lineno"):
-                yield child, within
-            yield from sites(child, within)
+            owner = child if isinstance(child, ast.stmt) else statement
+            if owner is not None and hasattr(child, "lineno"):
+                yield child, owner
+            yield from sites(child, owner)
 
 
-def spliced(text: str, node: ast.AST, new: ast.AST) -> str:
+def splice(text: str, node: ast.AST, new: ast.AST) -> str:
     """The source with `new` in place of `node`; columns count bytes."""
     lines = text.encode().splitlines(keepends=True)
     first, last = node.lineno - 1, node.end_lineno - 1

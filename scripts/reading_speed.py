@@ -59,10 +59,10 @@ def write(path: Path, rows: int, kind: str = "csv") -> Path:
     return path
 
 
-def measured(path: Path, what: str) -> dict[str, float]:
+def measured(path: Path, kind: str) -> dict[str, float]:
     """Seconds and peak of a process that reads the file as a "table" or as a "record"."""
-    done = subprocess.run([sys.executable, "-c", READ, what, str(path)], check=True, capture_output=True, text=True)
-    return json.loads(done.stdout)
+    process = subprocess.run([sys.executable, "-c", READ, kind, str(path)], check=True, capture_output=True, text=True)
+    return json.loads(process.stdout)
 
 
 def main() -> None:
@@ -71,21 +71,21 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=["csv", "parquet"])
     parser.add_argument("--times", type=int, default=1)
     parser.add_argument("--json", action="store_true", help="print one JSON document")
-    given = parser.parse_args()
-    found = []
-    for kind in given.kinds:
+    options = parser.parse_args()
+    rows = []
+    for kind in options.kinds:
         with tempfile.TemporaryDirectory() as folder:
-            path = write(Path(folder) / "long.csv", given.rows, kind)
+            path = write(Path(folder) / "long.csv", options.rows, kind)
             size = path.stat().st_size / 2**20
-            for what in ("table", "record") * given.times:
-                one = {"kind": kind, "what": what, "file_MiB": size, **measured(path, what)}
-                found.append(one)
-                if not given.json:
-                    time = f"{one['processor_seconds']:.1f} s of processor time ({one['seconds']:.1f} s passed)"
-                    made = f"{kind} to a {what}: {one['rows']:.0f} rows, {size:.0f} MiB"
-                    print(f"{made}; {time}, peak {one['peak_MiB']:.0f} MiB", flush=True)
-    if given.json:
-        print(json.dumps(found, indent=1))
+            for target in ("table", "record") * options.times:
+                row = {"kind": kind, "what": target, "file_MiB": size, **measured(path, target)}
+                rows.append(row)
+                if not options.json:
+                    time = f"{row['processor_seconds']:.1f} s of processor time ({row['seconds']:.1f} s passed)"
+                    label = f"{kind} to a {target}: {row['rows']:.0f} rows, {size:.0f} MiB"
+                    print(f"{label}; {time}, peak {row['peak_MiB']:.0f} MiB", flush=True)
+    if options.json:
+        print(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":

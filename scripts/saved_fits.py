@@ -48,10 +48,10 @@ def joint(seed: int) -> IOData:
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.uniform(-6, 6, N // 10), 10).round(4)
     x = np.empty(N)
-    at = 0.2
+    position = 0.2
     for k, v in enumerate(u):
-        x[k] = at
-        at = min(max(at + (0.02 * (v - np.sign(v)) if abs(v) > 1 else 0.0), -1.0), 1.0)
+        x[k] = position
+        position = min(max(position + (0.02 * (v - np.sign(v)) if abs(v) > 1 else 0.0), -1.0), 1.0)
     return IOData(u, (x + 0.005 * rng.normal(size=N)).round(4), Ts)
 
 

@@ -32,7 +32,7 @@ MODELS: dict[str, dict[str, Any]] = {
 }
 
 
-def fitted(train: IOData, seed: int = 0, **options: bool) -> sysid.Fit:
+def fit_loop(train: IOData, seed: int = 0, **options: bool) -> sysid.Fit:
     """A servo joint with the loop's gain known."""
     motor = ServoMotor(load=0, periodic=1, stops=False, scheduled=True, updates=2, **options)
     return sysid.fit(servo_joint(motor, play=False, fixed={"motor.kp": KP}), train, search="lm", starts=3, seed=seed)
@@ -78,7 +78,7 @@ if __name__ == "__main__":
     )
     for name, options in MODELS.items():
         began = time.perf_counter()
-        fit = found[name] = fitted(train, **options)
+        fit = found[name] = fit_loop(train, **options)
         parts = errors(fit, tests)
         all_ = np.concatenate(parts)
         shown = [f"{fit.criteria.bic:.0f}", f"{np.sqrt(np.mean(all_**2)):.4f}", f"{np.abs(all_).mean():.4f}"]

@@ -56,15 +56,15 @@ def record(name: str, data: IOData) -> Record:
     return Record(name, y, data.Ts, run, (start,))
 
 
-def calibrated(train: list[tuple[str, IOData]], draws: int = 24) -> tuple[Pendulum, dict[str, float]]:
+def calibrate_pendulum(train: list[tuple[str, IOData]], draws: int = 24) -> tuple[Pendulum, dict[str, float]]:
     """The pendulum that follows the training logs best, and how the search went."""
-    problem = Simulations(FREE, [record(*each) for each in train])
+    problem = Simulations(FREE, [record(*log) for log in train])
     began = time.perf_counter()
-    found = find_optimum(problem, np.random.default_rng(0), draws)
-    values = problem.values(found.p)[: len(FREE)]
-    rms = float(np.sqrt(found.cost / sum(problem.lengths)))
-    told = {"seconds": time.perf_counter() - began, "training RMS [rad]": rms, "agreed": found.agreed}
-    return with_values(values), told | {"descents": found.descents}
+    optimum = find_optimum(problem, np.random.default_rng(0), draws)
+    values = problem.values(optimum.p)[: len(FREE)]
+    rms = float(np.sqrt(optimum.cost / sum(problem.lengths)))
+    facts = {"seconds": time.perf_counter() - began, "training RMS [rad]": rms, "agreed": optimum.agreed}
+    return with_values(values), facts | {"descents": optimum.descents}
 
 
 def errors(run, tests: list[tuple[str, IOData]]) -> list[np.ndarray]:
@@ -72,8 +72,8 @@ def errors(run, tests: list[tuple[str, IOData]]) -> list[np.ndarray]:
     return [(run(data) - data.y[:, 0])[UNSCORED:] for _, data in tests]
 
 
-def of_pendulum(each: Pendulum):
-    return lambda data: respond([each], data.u[:, 0], data.Ts, [float(data.y[0, 0])])[0]
+def of_pendulum(pendulum: Pendulum):
+    return lambda data: respond([pendulum], data.u[:, 0], data.Ts, [float(data.y[0, 0])])[0]
 
 
 def of_fit(fit):
@@ -89,16 +89,16 @@ def table(folder: Path) -> tuple[list[tuple[str, list[np.ndarray]]], Pendulum, d
     logs = servo_logs(folder)
     train = [(f"{kp} {name}", data) for kp, name, data in logs if kp != HELD_OUT]
     tests = [(name, data) for kp, name, data in logs if kp == HELD_OUT]
-    merged = IOData.merge(*(data for _, data in train))
-    best, told = calibrated(train)
+    training = IOData.merge(*(data for _, data in train))
+    best, facts = calibrate_pendulum(train)
     rows = [
-        ("output error (2,2,1)", of_fit(sysid.fit(output_error(2, 2, 1), merged))),
-        ("actuated joint", of_fit(servo_joint(merged))),
-        ("motor with profile", of_fit(servo_profile(merged))),
+        ("output error (2,2,1)", of_fit(sysid.fit(output_error(2, 2, 1), training))),
+        ("actuated joint", of_fit(servo_joint(training))),
+        ("motor with profile", of_fit(servo_profile(training))),
         ("pendulum twin, data sheet", of_pendulum(FIRST)),
         ("pendulum twin, calibrated", of_pendulum(best)),
     ]
-    return [(name, errors(run, tests)) for name, run in rows], best, told, tests
+    return [(name, errors(run, tests)) for name, run in rows], best, facts, tests
 
 
 def draw(path: Path, rows: list, best: Pendulum, tests: list) -> None:

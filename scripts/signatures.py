@@ -28,12 +28,12 @@ def picture(signature: Signature) -> Image.Image:
 
 def main() -> None:
     """Update the pictures and the page below its introduction."""
-    found = signatures()
-    for signature in found:
+    all_signatures = signatures()
+    for signature in all_signatures:
         picture(signature).save(DOCS / f"imperfections-{signature.key}.png", optimize=True)
     page = DOCS / "imperfections.md"
     introduction = page.read_text(encoding="utf-8").partition(MARKS[0])[0]
-    page.write_text(introduction + markdown(found), encoding="utf-8", newline="\n")
+    page.write_text(introduction + markdown(all_signatures), encoding="utf-8", newline="\n")
 
 
 if __name__ == "__main__":

@@ -69,13 +69,13 @@ def fits(rng: np.random.Generator, folder: Path) -> None:
     """One of the structures, its figures, its text, and the model written and read."""
     data = record(rng)
     for structure in STRUCTURES:
-        found = sysid.fit(structure.model_of(data), data, starts=1)
-        sysid.save(found, folder / "model.json")
-        again = sysid.load(folder / "model.json")
-        again.simulate(data.u)
-        style.png(found.plot(data))
+        fit = sysid.fit(structure.model_of(data), data, starts=1)
+        sysid.save(fit, folder / "model.json")
+        loaded = sysid.load(folder / "model.json")
+        loaded.simulate(data.u)
+        style.png(fit.plot(data))
         pyplot.close("all")  # it keeps what a person asked for until it is closed
-        repr(found)
+        repr(fit)
     first = {"gain": 1.0, "lag": 10.0, "fastest": 0.05}
     block = sysid.blocks.dynamic(step, first, bounds={"lag": (1.0, 100.0), "fastest": (1e-3, 1.0)}, role="limiter")
     sysid.fit(sysid.Chain((block,)), data)
@@ -87,10 +87,12 @@ def ensembles(rng: np.random.Generator, folder: Path) -> None:
     from twin.ensemble.ensemble import Ensemble
 
     seeds = range(int(rng.integers(1 << 20)), 1 << 21)[:4]
-    made = Ensemble(twin.Experiment("thigh", "aprbs", 10.0), seeds, Draws({"thigh.coulomb": 0.3}), folder / "ensemble")
-    made.run()
-    made.table()
-    for log in made:
+    ensemble = Ensemble(
+        twin.Experiment("thigh", "aprbs", 10.0), seeds, Draws({"thigh.coulomb": 0.3}), folder / "ensemble"
+    )
+    ensemble.run()
+    ensemble.table()
+    for log in ensemble:
         log.io()
 
 
@@ -130,7 +132,7 @@ WORK: Mapping[str, Callable[[np.random.Generator, Path], None]] = {
 }
 
 
-def held() -> dict[str, int]:
+def usage() -> dict[str, int]:
     """Memory [KiB], descriptors, threads and child processes of this process."""
     gc.collect()
     rows = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
@@ -149,38 +151,40 @@ def held() -> dict[str, int]:
 
 def soak(seconds: float, rounds: int, names: list[str], trace: bool) -> dict[str, Any]:
     """Works until the time is over, or so many rounds are done; the numbers of every round."""
-    begun, rows, first = time.monotonic(), [], None
-    while len(rows) < rounds and (time.monotonic() - begun < seconds or len(rows) < 2 * WARM_UP):
+    start, rows, first = time.monotonic(), [], None
+    while len(rows) < rounds and (time.monotonic() - start < seconds or len(rows) < 2 * WARM_UP):
         rng = np.random.default_rng(len(rows))
         with tempfile.TemporaryDirectory() as folder:
             for name in names:
                 (Path(folder) / name).mkdir()
                 WORK[name](rng, Path(folder) / name)
-        rows.append(held())
-        print(f"round {len(rows)}, {time.monotonic() - begun:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
+        rows.append(usage())
+        print(f"round {len(rows)}, {time.monotonic() - start:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
         if trace and len(rows) == WARM_UP:
             tracemalloc.start(8)
             first = tracemalloc.take_snapshot()
-    found = judged(rows)
-    found |= {"minutes": round((time.monotonic() - begun) / 60, 2), "work": names}
+    result = judged(rows)
+    result |= {"minutes": round((time.monotonic() - start) / 60, 2), "work": names}
     if first is not None:
-        grown = tracemalloc.take_snapshot().compare_to(first, "traceback")[:15]
-        found["grown"] = [{"KiB": g.size_diff >> 10, "count": g.count_diff, "at": g.traceback.format()} for g in grown]
-    return {**found, "rounds": rows}
+        growth = tracemalloc.take_snapshot().compare_to(first, "traceback")[:15]
+        result["grown"] = [
+            {"KiB": g.size_diff >> 10, "count": g.count_diff, "at": g.traceback.format()} for g in growth
+        ]
+    return {**result, "rounds": rows}
 
 
 def judged(rows: list[dict[str, int]]) -> dict[str, Any]:
     """Growth after the warm-up, and what is beyond its limit."""
     warm, last = rows[: min(WARM_UP, len(rows))], rows[-max(1, len(rows) // 10) :]
-    before = max(row["rss"] for row in warm)
-    after = float(np.median([row["rss"] for row in last]))
-    growth = 100.0 * (after / before - 1.0)
+    warm_memory = max(row["rss"] for row in warm)
+    end_memory = float(np.median([row["rss"] for row in last]))
+    growth = 100.0 * (end_memory / warm_memory - 1.0)
     wrong = [f"memory has grown by {growth:.1f} %"] if growth > GROWTH else []
     for name in ("descriptors", "threads", "system_threads", "children"):
-        most = max(row[name] for row in warm)
-        if min(row[name] for row in last) > most:
-            wrong.append(f"{name} were {most} and are {last[-1][name]}")
-    return {"wrong": wrong, "growth_percent": round(growth, 2), "mebibytes": [before >> 10, int(after) >> 10]}
+        limit = max(row[name] for row in warm)
+        if min(row[name] for row in last) > limit:
+            wrong.append(f"{name} were {limit} and are {last[-1][name]}")
+    return {"wrong": wrong, "growth_percent": round(growth, 2), "mebibytes": [warm_memory >> 10, int(end_memory) >> 10]}
 
 
 def main() -> int:
@@ -189,10 +193,10 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=sys.maxsize, help="at most")
     parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
     parser.add_argument("--trace", action="store_true", help="tell where Python's objects have grown; slower")
-    given = parser.parse_args()
-    found = soak(60.0 * given.minutes, given.rounds, given.work, given.trace)
-    print(json.dumps(found, indent=2))
-    return 1 if found["wrong"] else 0
+    options = parser.parse_args()
+    result = soak(60.0 * options.minutes, options.rounds, options.work, options.trace)
+    print(json.dumps(result, indent=2))
+    return 1 if result["wrong"] else 0
 
 
 if __name__ == "__main__":

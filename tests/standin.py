@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 import twin
-from twin.bench.standin import DUTY, LACKS, RANGES, StandIn, hidden
+from twin.bench.standin import DUTY, LACKS, RANGES, StandIn
+from twin.bench.standin import draw_parameters as hidden
 from twin.hardware.potentiometer import potentiometer
 from twin.log import Log
 

@@ -93,7 +93,7 @@ def plant(name: str, n: int, rng: np.random.Generator) -> tuple[TransferFunction
     return block, np.concatenate([(1.0 + f.sum()) * np.array([0.7, 0.3]), f, np.zeros(block.n_state)])
 
 
-def drawn(name: str, seed: int, n: int) -> tuple[IOData, TransferFunction, np.ndarray]:
+def draw_record(name: str, seed: int, n: int) -> tuple[IOData, TransferFunction, np.ndarray]:
     """A record of a class, and its plant."""
     rng = np.random.default_rng([17, list(CLASSES).index(name), seed])
     u = CLASSES[name](n, rng)
@@ -105,27 +105,27 @@ def drawn(name: str, seed: int, n: int) -> tuple[IOData, TransferFunction, np.nd
     return IOData(u, y + y.std() * 10 ** (-rng.uniform(10.0, 50.0) / 20) * e / e.std(), 1.0), block, theta
 
 
-def judged(data: IOData, block: TransferFunction, theta: np.ndarray) -> Counter[str]:
+def judge_linear(data: IOData, block: TransferFunction, theta: np.ndarray) -> Counter[str]:
     """What of the advice on a record of this plant is false."""
-    found: Counter[str] = Counter()
+    counts: Counter[str] = Counter()
     step = block.output(np.where(np.arange(len(theta)) < block.nb + block.nf, theta, 0.0), np.ones(4000))
     needs = int(np.argmax(np.abs(step) >= (1 - np.exp(-1.0)) * abs(step[-1])))
     fastest = 2 * np.pi / max(np.max(np.abs(np.angle(block.poles(theta)))), 1e-9)
     for a in advise(data):
         bad = a.severity == "warning" or (a.topic == "nonlinearity" and a.value < 0.01)
         bad = bad or (a.topic == "rest" and a.severity != "fine")
-        found[a.topic] += bad and a.topic in ("feedback", "nonlinearity", "drift", "outliers", "resolution", "rest")
+        counts[a.topic] += bad and a.topic in ("feedback", "nonlinearity", "drift", "outliers", "resolution", "rest")
         if a.topic == "delay":
-            found["no lag"] += bad
+            counts["no lag"] += bad
             low, high = getattr(a, "interval", None) or (a.value, a.value)
-            found["delay missed"] += not bad and not low <= block.nk <= high
-            found["delay wrong"] += not bad and a.value != block.nk
-            found["delay width"] += 0 if bad else int(high - low)
+            counts["delay missed"] += not bad and not low <= block.nk <= high
+            counts["delay wrong"] += not bad and a.value != block.nk
+            counts["delay width"] += 0 if bad else int(high - low)
         if a.topic == "rate":
-            found["faster"] += "faster" in a.action and needs >= 3
-            found["slower"] += "slower" in a.action and (needs < 60 or fastest < 30)
-    found += signs(data, float(np.sign(step[-1])))
-    return found
+            counts["faster"] += "faster" in a.action and needs >= 3
+            counts["slower"] += "slower" in a.action and (needs < 60 or fastest < 30)
+    counts += signs(data, float(np.sign(step[-1])))
+    return counts
 
 
 def signs(data: IOData, true: float) -> Counter[str]:
@@ -166,10 +166,10 @@ def present(name: str, seed: int, n: int) -> Counter[str]:
         y[t] = s[t] + 0.3 * v[t]
         loop[t] = u[t] - 0.12 * y[t]
     noise = 0.1 * x.std() * rng.standard_normal(n)
-    bent = x + 0.05 * x.std() * (x / x.std()) ** 3
+    curved = x + 0.05 * x.std() * (x / x.std()) ** 3
     for topic, data in (
         ("feedback", IOData(loop, y, 1.0)),
-        ("nonlinearity", IOData(u, bent + noise, 1.0)),
+        ("nonlinearity", IOData(u, curved + noise, 1.0)),
         ("drift", IOData(u, x + noise + x.std() * np.linspace(0, 0.7, n), 1.0)),
     ):
         hits[topic] += any(a.topic == topic and a.severity != "fine" and a.value < 0.01 for a in advise(data))
@@ -213,7 +213,7 @@ def score(case: tuple[str, str, Any], options: argparse.Namespace) -> Row:
     if kind == "real":
         return {"lines": advice_on_record(name, key, options.real)}
     if kind == "false":
-        return {"counts": judged(*drawn(name, key, options.samples))}
+        return {"counts": judge_linear(*draw_record(name, key, options.samples))}
     return {"counts": (judge_system if kind == "bent" else present)(name, key, options.samples)}
 
 

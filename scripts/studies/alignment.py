@@ -81,9 +81,9 @@ def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
     """How often there is an interval and how often it holds, by name."""
     lines = []
     for name in NAMES:
-        known, held, error, half = np.array([row[name] for row in rows], dtype=float).T
+        has_interval, holds, error, half = np.array([row[name] for row in rows], dtype=float).T
         lines.append(
-            f"{name}: interval in {known.sum():.0f} of {len(rows)}, holds in {held.sum():.0f}; median error "
+            f"{name}: interval in {has_interval.sum():.0f} of {len(rows)}, holds in {holds.sum():.0f}; median error "
             f"{np.median(np.abs(error)):.4f}, median half width {np.median(half):.4f}"
         )
     return "\n".join(lines)

@@ -54,7 +54,7 @@ def real(folder: Path, name: str) -> Record:
     return estimation, tests, task.drop, task.unit
 
 
-def tested(c: Recipe, fit: AnyFit, tests: dict[str, IOData], first: int | None) -> tuple[float, list[float]]:
+def test_fit(c: Recipe, fit: AnyFit, tests: dict[str, IOData], first: int | None) -> tuple[float, list[float]]:
     """Mean free-run fit [%] over the tests, and the rms errors."""
     percents, errors = [], []
     for test in tests.values():
@@ -68,21 +68,23 @@ def tested(c: Recipe, fit: AnyFit, tests: dict[str, IOData], first: int | None) 
     return float(np.mean(percents)), errors
 
 
-def alone(estimation: IOData, tests: dict[str, IOData], first: int | None, rows: list[Recipe]) -> dict[str, float]:
+def fit_alternatives(
+    estimation: IOData, tests: dict[str, IOData], first: int | None, rows: list[Recipe]
+) -> dict[str, float]:
     """Fit [%] on the tests of every structure by its defaults and of the given settings, each fitted alone."""
     candidates: list[Recipe] = []
     for kind in TABLE.values():
         candidates += kind.ladder(kind().scale(estimation))[:1]
-    found: dict[str, float] = {}
+    percents: dict[str, float] = {}
     for c in dict.fromkeys([*candidates, NonlinearArx(), *rows]):
         data = c.scale(estimation)
         try:
-            found[str(c)] = tested(c, fitted(c, data, "auto", 0, FULL), tests, first)[0]
+            percents[str(c)] = test_fit(c, fitted(c, data, "auto", 0, FULL), tests, first)[0]
             if c.grown and data.N < 5000:
-                found[f"{c} grown"] = tested(c, grow_joint(data, c.model()).fit, tests, first)[0]
+                percents[f"{c} grown"] = test_fit(c, grow_joint(data, c.model()).fit, tests, first)[0]
         except InputError:
-            found[str(c)] = -np.inf
-    return found
+            percents[str(c)] = -np.inf
+    return percents
 
 
 def records(options: argparse.Namespace) -> dict[Case, Callable[[], Record]]:
@@ -97,13 +99,13 @@ def score(case: Case, options: argparse.Namespace) -> Row:
     """The fit of the search's choice beside the best structure's."""
     estimation, tests, first, unit = records(options)[case]()
     selection = sysid.select(estimation, seconds=options.seconds, jobs=options.jobs)
-    chosen = selection.chosen.candidate
-    percent, errors = tested(chosen, selection.fit, tests, first)
-    others = alone(estimation, tests, first, [r.candidate for r in selection.best_of_each])
-    best = max(others, key=lambda name: others[name])
-    row = {"N": estimation.N, "seconds": selection.seconds, "auto": percent, "best": others[best], "unit": unit}
-    regret = max(0.0, others[best] - percent)
-    return row | {"regret": regret, "names": [str(chosen), best], "errors": errors, "notes": list(selection.notes)}
+    choice = selection.chosen.candidate
+    percent, errors = test_fit(choice, selection.fit, tests, first)
+    alternatives = fit_alternatives(estimation, tests, first, [r.candidate for r in selection.best_of_each])
+    best = max(alternatives, key=lambda name: alternatives[name])
+    row = {"N": estimation.N, "seconds": selection.seconds, "auto": percent, "best": alternatives[best], "unit": unit}
+    regret = max(0.0, alternatives[best] - percent)
+    return row | {"regret": regret, "names": [str(choice), best], "errors": errors, "notes": list(selection.notes)}
 
 
 def line(row: Row) -> str:

@@ -72,29 +72,29 @@ def summary(rows, options):
             group = [row for row in rows if row["kind"] == kind and joint in (row["joint"], "all")]
             if not group:
                 continue
-            inside = [holds(value) for row in group for value in row["values"].values()]
+            holding = [holds(value) for row in group for value in row["values"].values()]
             loss = [row["ceiling"] - row["after"] for row in group]
             closer = [row["error_before"] / row["error_after"] for row in group]
             cpu = [row["cpu"] for row in group]
             scores.append(
-                [joint, kind, len(group), f"{100 * np.mean(inside):.1f} % of {len(inside)}", f"{max(loss):.2f}",
+                [joint, kind, len(group), f"{100 * np.mean(holding):.1f} % of {len(holding)}", f"{max(loss):.2f}",
                  f"{np.median(loss):.2f}", f"{min(closer):.1f}", f"{np.median(cpu):.0f}, at most {max(cpu):.0f}",
                  sum(row["converged"] for row in group)]
             )  # fmt: skip
-    named = defaultdict(lambda: defaultdict(list))
+    values_of = defaultdict(lambda: defaultdict(list))
     for row in rows:
         for name, value in row["values"].items():
-            named[name][row["kind"]].append(value)
+            values_of[name][row["kind"]].append(value)
     intervals = []
-    for name, by in named.items():
-        inside = [f"{sum(map(holds, by[kind]))} of {len(by[kind])}" for kind in KINDS]
-        values = by["other"] or by["same"]
+    for name, by_kind in values_of.items():
+        holding = [f"{sum(map(holds, by_kind[kind]))} of {len(by_kind[kind])}" for kind in KINDS]
+        values = by_kind["other"] or by_kind["same"]
         errors = (
             np.median([abs(v[key] - v["true"]) / max(abs(v["true"]), 1e-12) for v in values])
             for key in ("nominal", "value")
         )
         share = np.median([v["noise"] for v in values])
-        intervals.append([name, *inside, *(f"{100 * error:.1f} %" for error in errors), f"{100 * share:.0f} %"])
+        intervals.append([name, *holding, *(f"{100 * error:.1f} %" for error in errors), f"{100 * share:.0f} %"])
     return f"{markdown(SCORES, scores, 2)}\n\n{markdown(INTERVALS, intervals)}"
 
 

@@ -28,13 +28,17 @@ def score(case, options):
     rig = StandIn(joint, seed, same=True)
     logs = rig.calibration()
     start = time.process_time()
-    ours = calibrate(logs, joint, without=LACKS)
+    calibration = calibrate(logs, joint, without=LACKS)
     seconds = time.process_time() - start
-    names = tuple(value.name for value in ours.values)
-    at_joint = {value.name: value.start for value in ours.values}
-    used = [run for run in ours.runs if not run.held_out]
-    rms = np.sqrt(np.mean(np.concatenate([run.y - run.after for run in used]) ** 2))
-    rows = [_cells(joint, seed, "qpal calibrate", "the joint", rms, _worst(ours.parameters, rig, names), None, seconds)]
+    names = tuple(value.name for value in calibration.values)
+    at_joint = {value.name: value.start for value in calibration.values}
+    fitted_runs = [run for run in calibration.runs if not run.held_out]
+    rms = np.sqrt(np.mean(np.concatenate([run.y - run.after for run in fitted_runs]) ** 2))
+    rows = [
+        _cells(
+            joint, seed, "qpal calibrate", "the joint", rms, _worst(calibration.parameters, rig, names), None, seconds
+        )
+    ]
     nominal = {name: twin.Parameters()[name] for name in names}
     for label, start in (
         ("nominal", nominal),
@@ -51,9 +55,9 @@ def _toolbox(rig, logs, names, label, start):
     base = twin.Parameters().replace(start)
     leg = Leg(rig.joint, base, names, LACKS)
     task = Simulations(free(names, base), [leg.record(log) for log in logs])
-    known = sysid.ParameterDict()
-    for k, one in enumerate(task.free):
-        known.add(sysid.Parameter(f"{one.name} {k}", one.start, one.lower, one.upper))
+    parameters = sysid.ParameterDict()
+    for k, parameter in enumerate(task.free):
+        parameters.add(sysid.Parameter(f"{parameter.name} {k}", parameter.start, parameter.lower, parameter.upper))
 
     def residual(x, _):
         points = np.atleast_2d(np.asarray(x).T)
@@ -63,8 +67,8 @@ def _toolbox(rig, logs, names, label, start):
         return [rows.T if np.ndim(x) > 1 else rows[0]], None, None
 
     start = time.process_time()
-    found, _ = sysid.optimize(known, residual, verbose=False, max_iters=ITERATIONS)
-    seconds, x = time.process_time() - start, found.as_vector()
+    optimum, _ = sysid.optimize(parameters, residual, verbose=False, max_iters=ITERATIONS)
+    seconds, x = time.process_time() - start, optimum.as_vector()
     rms = np.sqrt(np.mean(residual(x, None)[0][0] ** 2))
     worst = _worst(base.replace(dict(zip(names, map(float, x), strict=False))), rig, names)
     return _cells(rig.joint, rig.seed, "mujoco.sysid", label, rms, worst, task.simulations, seconds)
@@ -73,14 +77,14 @@ def _toolbox(rig, logs, names, label, start):
 def _worst(parameters, rig, names):
     """The name with the largest relative error, and that error."""
     errors = {name: abs(parameters[name] / rig.parameters[name] - 1.0) for name in names}
-    name = max(errors, key=lambda each: errors[each])
+    name = max(errors, key=lambda key: errors[key])
     return f"{name.rpartition('.')[2]} {100 * errors[name]:.0f} %"
 
 
-def _cells(joint, seed, what, start, rms, worst, legs, seconds):
+def _cells(joint, seed, program, start, rms, worst, legs, seconds):
     """A row of the table as texts."""
     legs = MISSING if legs is None else str(legs)
-    return [f"{joint}, {seed}", what, start, f"{np.degrees(rms):.3f}", worst, legs, f"{seconds:.0f}"]
+    return [f"{joint}, {seed}", program, start, f"{np.degrees(rms):.3f}", worst, legs, f"{seconds:.0f}"]
 
 
 STUDY = Study(

@@ -27,7 +27,7 @@ from sysid.joint.design import Design, design
 from sysid.joint.growth import Growth, grow_joint
 from sysid.joint.values import JointValue, joint_values
 from sysid.structures import actuated_joint
-from twin.bench.records import sweep
+from twin.bench.families import sweep
 from twin.hardware.actuator import drive
 from twin.parameters import Parameters
 from twin.plant.stepping import step
@@ -149,14 +149,14 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
     """The table of the nominal leg, or of each joint and of all, and the figure if asked for."""
     if options.nominal:
         return "\n".join(row["text"] for row in rows)
-    designed, lines = [row for row in rows if "gap" in row], []
+    with_design, lines = [row for row in rows if "gap" in row], []
     for joint in options.joints:
-        group = [row for row in designed if row["joint"] == joint]
+        group = [row for row in with_design if row["joint"] == joint]
         legs = f"{joint}: designed on {len(group)} of {len(options.seeds)}"
         lines.append(f"{legs}; {table(group)}" if group else legs)
     if options.figure is not None:
-        draw_calibration(designed, options.figure)
-    return "\n".join([*lines, f"all, {table(designed)}"] if designed else lines)
+        draw_calibration(with_design, options.figure)
+    return "\n".join([*lines, f"all, {table(with_design)}"] if with_design else lines)
 
 
 STUDY = Study(

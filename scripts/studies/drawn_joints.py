@@ -24,7 +24,7 @@ from sysid.estimation.result import Fit
 from sysid.joint.growth import grow_joint
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
-from twin.bench.records import sweep
+from twin.bench.families import sweep
 from twin.ensemble.draws import Draws
 from twin.hardware.actuator import drive
 from twin.parameters import TABLE, Parameters
@@ -124,15 +124,17 @@ def table(rows: list[Row]) -> str:
         f"{worst['gap']:.2f} ({worst['joint']} {worst['seed']}); {np.median([r['seconds'] for r in rows]):.0f} s a leg"
     ]
     for name in LISTED:
-        known = [(row["values"][name], row) for row in rows if row["values"].get(name, {}).get("determined")]
-        text = f"  {name:15s} determined {len(known):3d} of {len(rows)}"
-        if known:
-            shares = np.array([abs(value["error"]) / value["aim"] for value, _ in known])
-            held = sum(value["holds"][LEVELS.index(0.95)] for value, _ in known)
-            worst = known[int(np.argmax(shares))][1]
-            low, high = binom.interval(0.95, len(known), 0.95)
+        determined_values = [
+            (row["values"][name], row) for row in rows if row["values"].get(name, {}).get("determined")
+        ]
+        text = f"  {name:15s} determined {len(determined_values):3d} of {len(rows)}"
+        if determined_values:
+            shares = np.array([abs(value["error"]) / value["aim"] for value, _ in determined_values])
+            holding = sum(value["holds"][LEVELS.index(0.95)] for value, _ in determined_values)
+            worst = determined_values[int(np.argmax(shares))][1]
+            low, high = binom.interval(0.95, len(determined_values), 0.95)
             text += (
-                f", found {np.sum(shares <= 1.0):3d}, 95 % interval holds {held:3d} "
+                f", found {np.sum(shares <= 1.0):3d}, 95 % interval holds {holding:3d} "
                 f"({low:.0f} to {high:.0f} by chance), error / accepted: median {np.median(shares):.2f}, "
                 f"worst {shares.max():.1f} ({worst['joint']} {worst['seed']})"
             )
@@ -145,23 +147,25 @@ def draw(rows: list[Row], path: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10, 4.2), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    left.plot((0.5, 1), (0.5, 1), color="0.6", linewidth=1, label="level = share")
+    calibration_axes, error_axes = figure.subplots(1, 2)
+    calibration_axes.plot((0.5, 1), (0.5, 1), color="0.6", linewidth=1, label="level = share")
     names = [name for name in LISTED if any(name in row["values"] for row in rows)]
     for k, name in enumerate(names):
         values = [row["values"][name] for row in rows if name in row["values"]]
-        known = [value for value in values if value["determined"]]
-        if len(known) >= 10:
-            held = np.mean([value["holds"] for value in known], axis=0)
-            left.plot(LEVELS, held, marker=".", label=f"{name.replace('_', ' ')} ({len(known)})")
-        for determined, colour in ((False, "0.75"), (True, "C0")):
-            errors = [np.clip(v["error"] / v["aim"], -5, 5) for v in values if v["determined"] == determined]
-            right.plot(errors, np.full(len(errors), k), "|", color=colour, markersize=9)
-    left.set(xlabel="level of the interval", ylabel="share that holds the truth", ylim=(0, 1.02))
-    left.legend(fontsize=7)
-    right.axvspan(-1, 1, color="0.93", zorder=0)
-    right.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    right.set(xlabel="error / accepted error; grey: not determined; cut off at 5")
+        determined_values = [value for value in values if value["determined"]]
+        if len(determined_values) >= 10:
+            shares = np.mean([value["holds"] for value in determined_values], axis=0)
+            calibration_axes.plot(
+                LEVELS, shares, marker=".", label=f"{name.replace('_', ' ')} ({len(determined_values)})"
+            )
+        for is_determined, colour in ((False, "0.75"), (True, "C0")):
+            errors = [np.clip(v["error"] / v["aim"], -5, 5) for v in values if v["determined"] == is_determined]
+            error_axes.plot(errors, np.full(len(errors), k), "|", color=colour, markersize=9)
+    calibration_axes.set(xlabel="level of the interval", ylabel="share that holds the truth", ylim=(0, 1.02))
+    calibration_axes.legend(fontsize=7)
+    error_axes.axvspan(-1, 1, color="0.93", zorder=0)
+    error_axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
+    error_axes.set(xlabel="error / accepted error; grey: not determined; cut off at 5")
     figure.savefig(path, dpi=120)
 
 

@@ -24,7 +24,7 @@ from sysid.model.chain import Chain
 from sysid.structures import TABLE
 
 
-def drawn(structure: str, seed: int) -> tuple[Plant, IOData, float, str]:
+def draw_record(structure: str, seed: int) -> tuple[Plant, IOData, float, str]:
     """A plant, its record, the noise variance, and what was drawn."""
     rng = np.random.default_rng([seed, zlib.crc32(structure.encode()), 13])
     N, kind = int(rng.integers(1000, 4001)), str(rng.choice(INPUTS))
@@ -68,15 +68,15 @@ def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.n
     if way == "kinks":
         fine = np.linspace(x.min(), x.max(), 4001)
         bend = np.abs(np.diff(true.output(part, fine), 2))
-        at = np.flatnonzero(bend > max(0.02 * bend.max(), 1e-9))
-        groups = np.split(at, np.flatnonzero(np.diff(at) > 3) + 1) if len(at) else []
+        bends = np.flatnonzero(bend > max(0.02 * bend.max(), 1e-9))
+        groups = np.split(bends, np.flatnonzero(np.diff(bends) > 3) + 1) if len(bends) else []
         kinks = [fine[1 + g[len(g) // 2]] for g in groups][: knots - 2]
         if len(kinks) < knots - 2:  # the others halve the widest gaps
-            all_ = sorted([x.min(), *kinks, x.max()])
-            while len(all_) < knots:
-                k = int(np.argmax(np.diff(all_)))
-                all_.insert(k + 1, 0.5 * (all_[k] + all_[k + 1]))
-            places = np.array(all_)
+            positions = sorted([x.min(), *kinks, x.max()])
+            while len(positions) < knots:
+                k = int(np.argmax(np.diff(positions)))
+                positions.insert(k + 1, 0.5 * (positions[k] + positions[k + 1]))
+            places = np.array(positions)
     gap = 0.012 * (places[-1] - places[0])
     for k in range(1, knots):
         places[k] = max(places[k], places[k - 1] + gap)
@@ -86,13 +86,13 @@ def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.n
 def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     """Loss of the default fit over that of the best fit from the truth, and how the fit went."""
     structure, seed = case
-    plant, data, variance, given = drawn(structure, seed)
+    plant, data, variance, description = draw_record(structure, seed)
     model = plant.chain if options.own else model_of(plant)
     start = time.process_time()
     try:
         fit = fit_chain(model, data, **({} if options.starts is None else {"starts": options.starts}))
     except Exception as e:
-        return {"structure": structure, "seed": seed, "ratio": np.inf, "error": str(e), "given": given}
+        return {"structure": structure, "seed": seed, "ratio": np.inf, "error": str(e), "given": description}
     seconds = time.process_time() - start
     bar = from_truth(plant, model, data)
     return {
@@ -106,7 +106,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         "warned": list(fit.warnings),
         "agreed": fit.agreed,
         "won": fit.members[int(np.argmin(fit.losses))] if fit.members else "",
-        "given": given,
+        "given": description,
     }
 
 
@@ -114,20 +114,20 @@ def draw(rows: list[Row], path: Path) -> None:
     """Loss over that from the truth as shares of the plants, and how often each member gave the first leader."""
     import matplotlib.pyplot as plt
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
+    figure, (axes, bars) = plt.subplots(1, 2, figsize=(11, 4.2), layout="constrained")
     for structure in dict.fromkeys(r["structure"] for r in rows):
         ratio = np.sort([min(r["ratio"], 10.0) for r in rows if r["structure"] == structure])
-        left.step(
+        axes.step(
             ratio, 100 * (1 + np.arange(len(ratio))) / len(ratio), where="post", label=f"{structure} ({len(ratio)})"
         )
-    left.axvline(1.01, color="0.5", linestyle=":", label="1 % and 10 % above")
-    left.axvline(1.1, color="0.5", linestyle=":")
-    left.set(xscale="log", xlim=(0.5, 10), xlabel="loss / loss of a fit begun at the truth", ylabel="plants [%]")
-    left.legend(fontsize=8)
-    won = [r.get("won", "") for r in rows if r.get("won")]
-    names = sorted(set(won), key=won.count)
-    right.barh(names, [won.count(name) for name in names])
-    right.set(xlabel="plants on which this member led the race")
+    axes.axvline(1.01, color="0.5", linestyle=":", label="1 % and 10 % above")
+    axes.axvline(1.1, color="0.5", linestyle=":")
+    axes.set(xscale="log", xlim=(0.5, 10), xlabel="loss / loss of a fit begun at the truth", ylabel="plants [%]")
+    axes.legend(fontsize=8)
+    winners = [r.get("won", "") for r in rows if r.get("won")]
+    names = sorted(set(winners), key=winners.count)
+    bars.barh(names, [winners.count(name) for name in names])
+    bars.set(xlabel="plants on which this member led the race")
     figure.suptitle("A line that stands at 100 % left of 1.01 reached the optimum on every plant")
     figure.savefig(path, dpi=130)
 
@@ -138,11 +138,11 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
         draw(rows, options.figure)
     lines = []
     for structure in [*options.structures, "all"]:
-        some = [r for r in rows if structure in (r["structure"], "all")]
-        ratio, s = np.array([r["ratio"] for r in some]), np.array([r.get("seconds", np.nan) for r in some])
-        silent = sum(1 for r in some if r["ratio"] > 1.1 and not r.get("warned"))
+        group = [r for r in rows if structure in (r["structure"], "all")]
+        ratio, s = np.array([r["ratio"] for r in group]), np.array([r.get("seconds", np.nan) for r in group])
+        silent = sum(1 for r in group if r["ratio"] > 1.1 and not r.get("warned"))
         lines.append(
-            f"{structure:20s} n {len(some):4d}  within 1 % {100 * np.mean(ratio <= 1.01):5.1f} %  10 % "
+            f"{structure:20s} n {len(group):4d}  within 1 % {100 * np.mean(ratio <= 1.01):5.1f} %  10 % "
             f"{100 * np.mean(ratio <= 1.1):5.1f} %  silent {silent}  median {np.nanmedian(s):.2f} s  "
             f"longest {np.nanmax(s):.2f} s (CPU)  lower than the truth's {np.mean(ratio < 0.99):.2f}"
         )

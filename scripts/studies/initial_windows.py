@@ -43,23 +43,23 @@ def errors(seed: int) -> dict[tuple[str, int], tuple[int, float, np.ndarray]]:
     clean = chain.simulate(theta, u)
     level = float(rng.uniform(10.0, 60.0))
     noise = float(clean.std()) * 10 ** (-level / 20)
-    fitted = fit(chain, record(chain, theta, u, noise, rng), starts=2)
+    model = fit(chain, record(chain, theta, u, noise, rng), starts=2)
     rows = {}
     for begin in BEGINS:
         u = excitation(kind, 2000, rng)
-        cut = {"at rest": 0, "in the middle": 1000, "at a level": 1000}[begin]
+        begin_sample = {"at rest": 0, "in the middle": 1000, "at a level": 1000}[begin]
         if begin == "at a level":
-            u[:cut] = u[cut]
-        clean = chain.simulate(theta, u)[cut:]
-        u = u[cut:]
+            u[:begin_sample] = u[begin_sample]
+        clean = chain.simulate(theta, u)[begin_sample:]
+        u = u[begin_sample:]
         size = float(clean.std())
         data = IOData(u, clean + noise * rng.standard_normal(len(u)), 1.0)
         for window in WINDOWS:
-            after = slice(window, window + SCORED)
-            rest = chain.simulate(resting_theta(chain, fitted.theta), u)
-            plain = chain.simulate(estimate_initial(chain, fitted.theta, data.select(0, window)), u)
-            ours = fitted.simulate(data, n_init=window)
-            shares = [float(np.sqrt(np.mean((y - clean)[after] ** 2))) / size for y in (rest, plain, ours)]
+            window_end = slice(window, window + SCORED)
+            rest = chain.simulate(resting_theta(chain, model.theta), u)
+            plain = chain.simulate(estimate_initial(chain, model.theta, data.select(0, window)), u)
+            simulated = model.simulate(data, n_init=window)
+            shares = [float(np.sqrt(np.mean((y - clean)[window_end] ** 2))) / size for y in (rest, plain, simulated)]
             rows[begin, window] = order, level, 100 * np.array(shares)
     return rows
 
@@ -87,10 +87,10 @@ def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
     lines = [f"{plants} plants, seeds {seeds[0]} to {seeds[-1]}; errors in % of the output, after the window"]
     lines += [markdown(headings, cells), "\nMean excess over rest by order and by noise, all windows:"]
     for begin in BEGINS:
-        order, level, rest, _, ours = np.array([run[begin, w] for run in runs for w in WINDOWS]).T
+        order, level, rest, _, simulated = np.array([run[begin, w] for run in runs for w in WINDOWS]).T
         groups = [(f"order {k}", order == k) for k in range(1, 7)]
         groups += [(f"{d}-{d + 10} dB", (level >= d) & (level < d + 10)) for d in range(10, 60, 10)]
-        means = (f"{name} {(ours - rest)[group].mean():+.3f}" for name, group in groups if group.any())
+        means = (f"{name} {(simulated - rest)[group].mean():+.3f}" for name, group in groups if group.any())
         lines.append(f"{begin}: " + ", ".join(means))
     return "\n".join(lines)
 

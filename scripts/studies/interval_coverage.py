@@ -57,7 +57,7 @@ def plants() -> dict[str, Plant]:
     pair, slow = [0.8 + 0.3j, 0.8 - 0.3j], [0.95 + 0.1j, 0.95 - 0.1j]
     four, weak = [*slow, 0.5 + 0.5j, 0.5 - 0.5j], [*slow, 0.7, 0.4]  # the record hardly shows the last two of `weak`
     map4 = PiecewiseLinear(knots=4)
-    made = {
+    structures = {
         "oe1": (output_error(1, 1, 1), _filter([0.9])),
         "oe2": (output_error(2, 2, 1), _filter(pair)),
         "oe4": (output_error(4, 4, 1), _filter(four)),
@@ -73,13 +73,13 @@ def plants() -> dict[str, Plant]:
             [*_filter([0.9]), "x0", *_BENT, *_filter([0.6]), "x0"],
         ),
     }
-    return {name: Plant(chain, _at_rest(chain, given)) for name, (chain, given) in made.items()}
+    return {name: Plant(chain, _at_rest(chain, parameters)) for name, (chain, parameters) in structures.items()}
 
 
-def _at_rest(chain, given):
+def _at_rest(chain, parameters):
     """theta with zeros for the initial states."""
     theta = np.zeros(len(chain.names))
-    theta[~chain.initial] = [v for v in given if v != "x0"]
+    theta[~chain.initial] = [v for v in parameters if v != "x0"]
     return theta
 
 
@@ -93,10 +93,10 @@ def record(plant: Plant, seed: int, memory: float, N: int, noise: float):
     return IOData(u, y + size * e, 1.0), y, size
 
 
-def bound(plant: Plant, data: IOData, memory: float, size: float) -> Information:
+def bound_at_truth(plant: Plant, data: IOData, memory: float, size: float) -> Information:
     """The covariance of least squares at the truth with the true covariance of the noise."""
-    own = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
-    return information_at(plant.chain, plant.theta, data, noise=own)
+    noise_model = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
+    return information_at(plant.chain, plant.theta, data, noise=noise_model)
 
 
 def score(case: tuple[str, float, int], options: argparse.Namespace) -> Row:
@@ -106,31 +106,35 @@ def score(case: tuple[str, float, int], options: argparse.Namespace) -> Row:
     data, y, size = record(plant, seed, memory, options.samples, options.noise)
     starts = int(options.starts) if options.starts.isdigit() else options.starts
     fit = fit_chain(plant.chain, data, **({"start": plant.theta} if options.start == "truth" else {"starts": starts}))
-    true = bound(plant, data, memory, size)
+    true = bound_at_truth(plant, data, memory, size)
     row = {"held": {}, "warned": list(fit.warnings), "mse": fit.criteria.mse / size**2}
     for way in map(_way, options.lags):
         info = true_at(fit, data, memory, size) if way == "true" else information(fit, data, way)
-        row["held"][str(way)] = [_held(plant, true, info, level, y) for level in LEVELS]
-    roots, found = intervals.poles(true), fit.poles
-    of, mine = pairs(np.array([z.value for z in roots]), found)
-    row["off"] = [float(abs(found[i] - roots[k].value) / roots[k].std) for k, i in zip(of, mine, strict=True)]
+        row["held"][str(way)] = [_shares_that_hold(plant, true, info, level, y) for level in LEVELS]
+    roots, fitted_poles = intervals.poles(true), fit.poles
+    true_index, fit_index = pairs(np.array([z.value for z in roots]), fitted_poles)
+    row["off"] = [
+        float(abs(fitted_poles[i] - roots[k].value) / roots[k].std) for k, i in zip(true_index, fit_index, strict=True)
+    ]
     row["bound"] = [z.std / max(1.0 - abs(z.value), 1e-12) for z in roots]
-    row["poles"] = [[z.real, z.imag] for z in found[mine].tolist()]
+    row["poles"] = [[z.real, z.imag] for z in fitted_poles[fit_index].tolist()]
     return row
 
 
 def true_at(fit, data, memory, size):
     """The same covariance at the fit: what an interval could be if the noise were known."""
-    own = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
-    return information_at(fit.model, fit.theta, data, noise=own, n_init=fit.n_init)
+    noise_model = NoiseModel(np.array([1.0, -memory]), size**2 * (1 - memory**2))
+    return information_at(fit.model, fit.theta, data, noise=noise_model, n_init=fit.n_init)
 
 
-def _held(plant: Plant, true: Information, info: Information, level: float, y: np.ndarray) -> dict[str, float]:
+def _shares_that_hold(
+    plant: Plant, true: Information, info: Information, level: float, y: np.ndarray
+) -> dict[str, float]:
     out = {}
-    roots, expected = intervals.poles(info, level), intervals.poles(true, level)
-    mine, of = pairs(np.array([z.value for z in roots]), np.array([z.value for z in expected]))
+    roots, true_roots = intervals.poles(info, level), intervals.poles(true, level)
+    index, true_index = pairs(np.array([z.value for z in roots]), np.array([z.value for z in true_roots]))
     poles = []
-    for a, b in ((roots[i], expected[k]) for i, k in zip(mine, of, strict=True)):
+    for a, b in ((roots[i], true_roots[k]) for i, k in zip(index, true_index, strict=True)):
         if b.value.imag < 0:
             continue
         if not np.isfinite(a.real.lower):
@@ -144,41 +148,41 @@ def _held(plant: Plant, true: Information, info: Information, level: float, y: n
     out["gain"] = float(_in(intervals.gain(info, 0.2, level), intervals.gain(true, 0.2).value))
     maps = []
     for c in curves.curves(true, points=13):
-        told = curves.curve(info, c.role, c.band.x[1:-1], level=level).band
+        band = curves.curve(info, c.role, c.band.x[1:-1], level=level).band
         moves = c.band.std[1:-1] > 1e-9  # a saturation's slope of one is not estimated
-        at = c.band.value[1:-1]
-        maps += ((told.lower <= at) & (at <= told.upper))[moves].tolist()
+        values = c.band.value[1:-1]
+        maps += ((band.lower <= values) & (values <= band.upper))[moves].tolist()
     out["curves"] = float(np.mean(maps)) if maps else np.nan
     run = bands.linear(info, level=level)
     out["outputs"] = float(np.mean(((run.lower <= y) & (y <= run.upper))[37::47]))
     return out
 
 
-def _in(found, true) -> bool:
-    return bool(found.lower <= true <= found.upper)
+def _in(interval, true) -> bool:
+    return bool(interval.lower <= true <= interval.upper)
 
 
 def table(rows: dict, ways) -> str:
     """A row for each plant, noise and way."""
     headings, lines = ["plant", "noise", "intervals", "n", *KINDS, "poles left open", "pole / bound"], []
-    for (name, memory), some in rows.items():
+    for (name, memory), group in rows.items():
         for way in ways:
             cells = []
             for kind in KINDS:
-                share = np.array([r["held"][str(way)][LEVELS.index(0.95)][kind] for r in some])
+                share = np.array([r["held"][str(way)][LEVELS.index(0.95)][kind] for r in group])
                 if np.isnan(share).all():
                     cells.append(MISSING)
                     continue
                 share = share[~np.isnan(share)]
                 spread = share.std(ddof=1) / np.sqrt(len(share)) if len(share) > 1 else np.nan
                 cells.append(f"{100 * share.mean():.1f} ± {100 * spread:.1f}")
-            undetermined = np.mean([r["held"][str(way)][LEVELS.index(0.95)]["open"] for r in some])
-            off = np.sqrt(np.mean(np.square([r["off"] for r in some]), axis=0))
-            near = np.median([r["bound"] for r in some], axis=0) < 0.1
-            worst = f"{off[near].max():.2f}" if near.any() else f"({off.max():.2f})"
+            open_share = np.mean([r["held"][str(way)][LEVELS.index(0.95)]["open"] for r in group])
+            pole_errors = np.sqrt(np.mean(np.square([r["off"] for r in group]), axis=0))
+            near = np.median([r["bound"] for r in group], axis=0) < 0.1
+            worst = f"{pole_errors[near].max():.2f}" if near.any() else f"({pole_errors.max():.2f})"
             colour = f"AR(1) {memory:g}" if memory else "white"
-            cells += [f"{100 * undetermined:.0f} %", worst]
-            lines.append([name, colour, way, len(some), *cells])
+            cells += [f"{100 * open_share:.0f} %", worst]
+            lines.append([name, colour, way, len(group), *cells])
     return markdown(headings, lines)
 
 
@@ -191,16 +195,16 @@ def draw(rows: dict, ways, path: Path) -> None:
 
     fig, axes = plt.subplots(len(ways), len(KINDS), figsize=(3.2 * len(KINDS), 3.1 * len(ways)), squeeze=False)
     colours = plt.get_cmap("viridis")(np.linspace(0, 0.85, len({m for _, m in rows})))
-    by = dict(zip(sorted({m for _, m in rows}), colours, strict=True))
+    colour_of = dict(zip(sorted({m for _, m in rows}), colours, strict=True))
     for line, way in zip(axes, ways, strict=True):
         for ax, kind in zip(line, KINDS, strict=True):
             ax.plot([0.45, 1], [0.45, 1], color="0.7", linewidth=0.8)
-            for (_, memory), some in rows.items():
-                shares = [np.nanmean([r["held"][str(way)][k][kind] for r in some]) for k in range(len(LEVELS))]
-                ax.plot(LEVELS, shares, ".-", color=by[memory], linewidth=0.8, label=f"AR(1) {memory:g}")
+            for (_, memory), group in rows.items():
+                shares = [np.nanmean([r["held"][str(way)][k][kind] for r in group]) for k in range(len(LEVELS))]
+                ax.plot(LEVELS, shares, ".-", color=colour_of[memory], linewidth=0.8, label=f"AR(1) {memory:g}")
             ax.set(title=f"{kind}, lags {way}", xlabel="nominal", ylabel="held", xlim=(0.45, 1), ylim=(0.45, 1))
-    known = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
-    axes[0, 0].legend(known.values(), known.keys(), fontsize=7)
+    labels = dict(zip(*reversed(axes[0, 0].get_legend_handles_labels()), strict=True))
+    axes[0, 0].legend(labels.values(), labels.keys(), fontsize=7)
     fig.tight_layout()
     fig.savefig(path, dpi=110)
 

@@ -55,19 +55,19 @@ def grow(data: IOData, joint: str, seed: int) -> Growth:
 def gaps(joint: str, seed: int, lead: bool) -> list[float]:
     """Points by which the free run misses the ceiling, on the paper's sweep and on the drawn one; then, or nan, by
     which it is ahead of the paper's structure on the latter."""
-    found = []
+    differences = []
     for log in (twin.Experiment(joint, "sweep", seed=seed).run(), irregular(joint, seed, 250.0, 0.1)):
         estimation, validation = log.io().split(0.5)
         fit = grow(estimation, joint, seed).fit
         assert log.y_true is not None
-        scored = slice(estimation.N + fit.n_init, None)
-        reached = fit.fit_percent(validation)
-        found.append(fit_percent(log.y[scored], log.y_true[scored]) - reached)
+        samples = slice(estimation.N + fit.n_init, None)
+        percent = fit.fit_percent(validation)
+        differences.append(fit_percent(log.y[samples], log.y_true[samples]) - percent)
     if not lead:
-        return [*found, np.nan]
+        return [*differences, np.nan]
     s, (estimation, validation) = PAPER[joint].setting, quick_start(log.io())
     paper = sysid.fit(s.model(), estimation, search=s.search, starts=s.starts, seed=seed).fit_percent(validation)
-    return [*found, reached - max(paper, 0.0)]
+    return [*differences, percent - max(paper, 0.0)]
 
 
 def values_of(joint: str, seed: int, kind: str) -> dict[str, tuple[bool, bool, float]]:
@@ -75,8 +75,8 @@ def values_of(joint: str, seed: int, kind: str) -> dict[str, tuple[bool, bool, f
     p = twin.Parameters({"gravity": 0.0}) if kind == "lying" else twin.Parameters()
     parts = []
     for name, (excitation, options) in RECORDS.items():
-        more = options | ({"half_period": HALF_PERIOD[joint]} if name == "drawn" else {})
-        parts.append(twin.Experiment(joint, excitation, 125.0, seed=seed, parameters=p, options=more).run().io())
+        settings = options | ({"half_period": HALF_PERIOD[joint]} if name == "drawn" else {})
+        parts.append(twin.Experiment(joint, excitation, 125.0, seed=seed, parameters=p, options=settings).run().io())
     data = IOData.merge(*parts)
     linearity = p["pot_linearity"] * p["pot_range"]
     values = {v.name: v for v in joint_values(grow(data, joint, seed).fit, data=data, linearity=linearity)}
@@ -106,10 +106,10 @@ def score(case: tuple[str, int, str], options: argparse.Namespace) -> Row:
 def summary(rows: list[Row], options: argparse.Namespace) -> str:
     """By joint: how often the ceiling is reached, then the values."""
     lines = []
-    by = {(joint, kind): [r for r in rows if (r["case"][0], r["case"][2]) == (joint, kind)]
+    groups = {(joint, kind): [r for r in rows if (r["case"][0], r["case"][2]) == (joint, kind)]
           for joint in options.joints for kind in ("fit", "values", "lying")}  # fmt: skip
     for joint in options.joints:
-        fits = np.array([row["gaps"] for row in by[joint, "fit"]], dtype=float).T
+        fits = np.array([row["gaps"] for row in groups[joint, "fit"]], dtype=float).T
         for name, gap in zip(("the paper's sweep", "the drawn sweep"), fits, strict=False):
             lines.append(
                 f"{joint}: within 0.5 point of the ceiling on {name} {100 * np.mean(gap <= 0.5):.0f} % of "
@@ -120,9 +120,9 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
                 f"  15 points ahead of the paper's structure on it {100 * np.mean(fits[2] >= 15.0):.0f} % "
                 f"(least {fits[2].min():.1f}, median {np.median(fits[2]):.1f})"
             )
-        lines += value_lines(by[joint, "values"], WANTED)
+        lines += value_lines(groups[joint, "values"], WANTED)
         if joint == "thigh":
-            lines += ["  the leg laid on its side:", *value_lines(by[joint, "lying"], ("backlash",))]
+            lines += ["  the leg laid on its side:", *value_lines(groups[joint, "lying"], ("backlash",))]
     return "\n".join(lines)
 
 
@@ -130,12 +130,12 @@ def value_lines(rows: list[Row], names: tuple[str, ...]) -> list[str]:
     """One line a value: how often found, how often its interval holds, and the errors."""
     lines = []
     for name in names:
-        near, held, error = np.array([row["values"][name] for row in rows], dtype=float).T
-        told = np.isfinite(error)
-        low, middle, high = np.quantile(error[told], (0.05, 0.5, 0.95)) if told.any() else (np.nan,) * 3
+        is_near, holds, error = np.array([row["values"][name] for row in rows], dtype=float).T
+        finite = np.isfinite(error)
+        low, middle, high = np.quantile(error[finite], (0.05, 0.5, 0.95)) if finite.any() else (np.nan,) * 3
         lines.append(
-            f"  {name:15s} told {100 * told.mean():3.0f} %, found {100 * near.mean():3.0f} %, interval holds "
-            f"{100 * held.mean():3.0f} %, error median {middle:.4g}, 5 to 95 % {low:.4g} to {high:.4g}"
+            f"  {name:15s} told {100 * finite.mean():3.0f} %, found {100 * is_near.mean():3.0f} %, interval holds "
+            f"{100 * holds.mean():3.0f} %, error median {middle:.4g}, 5 to 95 % {low:.4g} to {high:.4g}"
         )
     return lines
 

@@ -33,14 +33,14 @@ def drive(rng: Rng) -> np.ndarray:
     kind = int(rng.integers(6))
     if kind == 5:
         return size * rng.uniform(-1.0, 1.0, N)
-    made = (
+    signals = (
         Aprbs(size),
         Aprbs(size, hold=4.0) if "hold" in Aprbs.__dataclass_fields__ else Aprbs(size),
         Prbs(size),
         Multisine(size),
         Sweep(size, 7.0, jitter=0.4, shrink=0.4),
     )
-    return made[kind].generate(N, TS, rng)
+    return signals[kind].generate(N, TS, rng)
 
 
 def poles(rng: Rng, order: int) -> np.ndarray:
@@ -55,7 +55,7 @@ def poles(rng: Rng, order: int) -> np.ndarray:
     return a
 
 
-def filtered(rng: Rng, u: np.ndarray, order: int) -> np.ndarray:
+def filter_signal(rng: Rng, u: np.ndarray, order: int) -> np.ndarray:
     """u through a random stable filter, scaled to a deviation of 1."""
     y = lfilter(np.r_[np.zeros(rng.integers(1, 4)), rng.normal(size=rng.integers(1, 3))], poles(rng, order), u)
     return y / max(float(np.std(y)), 1e-12)
@@ -64,7 +64,7 @@ def filtered(rng: Rng, u: np.ndarray, order: int) -> np.ndarray:
 def linear(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
     """A filter of order 1 to 4."""
     u = drive(rng)
-    return u, filtered(rng, u, int(rng.integers(1, 5)))
+    return u, filter_signal(rng, u, int(rng.integers(1, 5)))
 
 
 def state_space(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
@@ -79,7 +79,7 @@ def state_space(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
     return u, y
 
 
-def bent(rng: Rng, x: np.ndarray) -> np.ndarray:
+def bend(rng: Rng, x: np.ndarray) -> np.ndarray:
     """A random static curve over x: saturation, dead zone, cubic, or exponential."""
     x = x / np.std(x)
     kind, share = int(rng.integers(4)), rng.uniform(0.5, 1.5)
@@ -95,8 +95,8 @@ def bent(rng: Rng, x: np.ndarray) -> np.ndarray:
 def hammerstein_wiener(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
     """A curve, a filter, and, half of the time, a second curve."""
     u = drive(rng)
-    y = filtered(rng, bent(rng, u), int(rng.integers(1, 4)))
-    return u, bent(rng, y) if rng.random() < 0.5 else y
+    y = filter_signal(rng, bend(rng, u), int(rng.integers(1, 4)))
+    return u, bend(rng, y) if rng.random() < 0.5 else y
 
 
 def tanks(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
@@ -155,7 +155,7 @@ def noise(rng: Rng) -> tuple[np.ndarray, np.ndarray]:
     """An output that has nothing to do with the input: white, coloured, or wandering."""
     u, e = drive(rng), rng.normal(size=N)
     kind = int(rng.integers(3))
-    return u, e if kind == 0 else filtered(rng, e, 2) if kind == 1 else np.cumsum(e)
+    return u, e if kind == 0 else filter_signal(rng, e, 2) if kind == 1 else np.cumsum(e)
 
 
 KINDS: dict[str, Callable[[Rng], tuple[np.ndarray, np.ndarray]]] = {
@@ -200,23 +200,25 @@ def public(folder: Path) -> dict[str, IOData]:
 def leg(seed: int) -> tuple[str, IOData]:
     """A record of a drawn leg's joint, of sweep or random levels in turn."""
     import twin
-    from twin.bench.standin import StandIn, hidden
+    from twin.bench.standin import StandIn, draw_parameters
 
     joint, kind = twin.JOINTS[seed % 3], ("sweep", "aprbs")[seed // 3 % 2]
     if kind == "aprbs":
         return f"{joint} aprbs {seed}", StandIn(joint, seed).log("aprbs", 60.0, 2).io()
     half = {"shoulder": 2.5}.get(joint, 10.0)
     options = {"jitter": 0.5, "shrink": 0.6, "half_period": half}
-    log = twin.Experiment(joint, "sweep", 125.0, seed=seed, parameters=hidden(joint, seed), options=options).run()
+    log = twin.Experiment(
+        joint, "sweep", 125.0, seed=seed, parameters=draw_parameters(joint, seed), options=options
+    ).run()
     return f"{joint} sweep {seed}", log.io()
 
 
 def cases(options: argparse.Namespace) -> list[tuple[str, Any]]:
     """Kind and seed of the records, names of the public ones, and seeds of the legs."""
     first, kinds = options.seeds[0], options.kinds
-    drawn = [(kinds[k % len(kinds)], first + k // len(kinds)) for k in range(options.records)]
+    records = [(kinds[k % len(kinds)], first + k // len(kinds)) for k in range(options.records)]
     names = list(public(Path(options.data))) if options.records and Path(options.data).is_dir() else []
-    return [*drawn, *(("public", name) for name in names), *(("leg", seed) for seed in options.seeds)]
+    return [*records, *(("public", name) for name in names), *(("leg", seed) for seed in options.seeds)]
 
 
 def score(case: tuple[str, Any], options: argparse.Namespace) -> dict[str, Any]:

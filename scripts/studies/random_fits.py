@@ -36,13 +36,13 @@ MAPS = tuple(STATIC)
 
 def model(rng: np.random.Generator):
     nb, nf, nk = int(rng.integers(1, 4)), int(rng.integers(1, 4)), int(rng.integers(0, 3))
-    one, two = str(rng.choice(MAPS)), str(rng.choice(MAPS))
+    first_map, second_map = str(rng.choice(MAPS)), str(rng.choice(MAPS))
     makers: dict[str, Callable] = {
         "output_error": lambda: S.output_error(nb, nf, nk),
-        "hammerstein": lambda: S.hammerstein(nb, nf, nk, input=one),
-        "wiener": lambda: S.wiener(nb, nf, nk, output=two),
-        "hammerstein_wiener": lambda: S.hammerstein_wiener(nb, nf, nk, input=one, output=two),
-        "wiener_hammerstein": lambda: S.wiener_hammerstein(nb, nf, nk, middle=one),
+        "hammerstein": lambda: S.hammerstein(nb, nf, nk, input=first_map),
+        "wiener": lambda: S.wiener(nb, nf, nk, output=second_map),
+        "hammerstein_wiener": lambda: S.hammerstein_wiener(nb, nf, nk, input=first_map, output=second_map),
+        "wiener_hammerstein": lambda: S.wiener_hammerstein(nb, nf, nk, middle=first_map),
         "state_space": lambda: S.state_space(nf, int(rng.integers(0, 4))),
         "nlarx": lambda: Nlarx(nf, nb, nk, units=int(rng.integers(0, 5))),
         "nlarx simulation": lambda: Nlarx(nf, nb, nk, units=int(rng.integers(0, 5)), focus="simulation"),
@@ -51,7 +51,7 @@ def model(rng: np.random.Generator):
     }
     weights = np.array([2, 4, 4, 6, 2, 2, 2, 2, 1, 1], dtype=float)
     name = str(rng.choice(list(makers), p=weights / weights.sum()))
-    return makers[name](), f"{name} {one} {two}"
+    return makers[name](), f"{name} {first_map} {second_map}"
 
 
 def record(rng: np.random.Generator) -> sysid.IOData:
@@ -89,28 +89,30 @@ def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
     """Losses of the chain's linear start and of the constant that it can be."""
     y = data.y[data.observed]
     takes = any(s.out_shift == 1.0 for b in chain.blocks[-1:] for s in b.symmetries(b.start(data.u[:, 0])))
-    found = {"constant": float(np.mean((y - y.mean()) ** 2 if takes else y**2))}
+    losses = {"constant": float(np.mean((y - y.mean()) ** 2 if takes else y**2))}
     try:
         if chain.structure == "state_space":
             linear = replace(chain.blocks[0], units=0, degree=0, readout=False)
             chain = replace(chain, blocks=(linear, *chain.blocks[1:]))
         chain = chain.scaled(data.u, data.y)
-        there = Normal.of(chain, data, sysid.Objective())
-        size, chain, data = there.size, there.chain, there.data
+        normalised = Normal.of(chain, data, sysid.Objective())
+        size, chain, data = normalised.size, normalised.chain, normalised.data
         theta = with_initial_states(chain, make_starts(chain, data, 1, seed)[0], data)[0]
-        found["linear_start"] = float(np.mean((data.y - chain.outputs(theta, data.u))[data.observed] ** 2)) * size**2
+        losses["linear_start"] = float(np.mean((data.y - chain.outputs(theta, data.u))[data.observed] ** 2)) * size**2
     except (sysid.InputError, np.linalg.LinAlgError):
         pass  # a structure without one for this record
-    return found
+    return losses
 
 
 def network_references(model: Nlarx, data: sysid.IOData, seed: int) -> dict[str, float]:
     linear = sysid.fit(replace(model, units=0), data, seed=seed)  # by the same search: another one may end elsewhere
-    seen = data.observed[:, 0].copy()
-    seen[: model.lag] = False  # these are not scored, nor, one step ahead, those with a missing sample in their past
+    scored_samples = data.observed[:, 0].copy()
+    scored_samples[: model.lag] = (
+        False  # these are not scored, nor, one step ahead, those with a missing sample in their past
+    )
     for lag in range(1, model.na + 1 if model.focus == "prediction" else 0):
-        seen[model.lag :] &= data.observed[model.lag - lag : data.N - lag, 0]
-    y = data.y[seen]
+        scored_samples[model.lag :] &= data.observed[model.lag - lag : data.N - lag, 0]
+    y = data.y[scored_samples]
     return {"linear_start": linear.criteria.mse, "constant": float(np.mean((y - y.mean()) ** 2))}
 
 
@@ -135,13 +137,13 @@ def tried(seed: int) -> tuple[str, list[str]]:
         wrong.append("not_finite")
     try:
         with np.errstate(all="ignore"):
-            of = network_references if isinstance(chain, Nlarx) else references
-            known = of(chain, data, seed)
+            reference_losses = network_references if isinstance(chain, Nlarx) else references
+            losses = reference_losses(chain, data, seed)
     except Exception:
-        known = {}  # the reference itself fails where the fit does not
+        losses = {}  # the reference itself fails where the fit does not
     told = any("further from the output than" in text or "worse than the mean" in text for text in fit.warnings)
     floor = 1e-20 * float(np.mean(data.y**2))  # both are exact
-    for reference, loss in known.items():
+    for reference, loss in losses.items():
         if np.isfinite(loss) and fit.criteria.mse > LEAST * loss + floor:
             wrong.append(f"worse_than_{reference} by {100.0 * (fit.criteria.mse / loss - 1.0):.2g} %" + told * ", told")
     return name, wrong
@@ -159,10 +161,10 @@ def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> dict[str
     """How often each kind of fault was met, and the cases that have one."""
     counts = Counter(kind.split()[0] for row in rows for kind in row["wrong"])
     kinds = ("untyped_errors", "not_finite", "over_budget", "worse_than_linear_start", "worse_than_constant")
-    refused = sum(row["name"].endswith("refused") for row in rows)
+    refusals = sum(row["name"].endswith("refused") for row in rows)
     cases = {f"{row['case'][0]} {row['name']}": row["wrong"] for row in rows if row["wrong"]}
     total = {kind: counts[kind] for kind in kinds}
-    return {"fits": len(rows), "refused_with_a_sentence": refused, **total, "cases": cases}
+    return {"fits": len(rows), "refused_with_a_sentence": refusals, **total, "cases": cases}
 
 
 STUDY = Study(

@@ -54,27 +54,27 @@ class Joint:
 def drawn(rng: np.random.Generator) -> Joint:
     """One joint."""
 
-    def between(low: float, high: float) -> float:
+    def log_uniform(low: float, high: float) -> float:
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
-    speed, friction, skew = between(3.0, 12.0), between(0.02, 0.15), rng.uniform(-0.15, 0.15)
-    sticks, hangs, slack, derives, known = rng.random(5) < 0.5
+    speed, friction, skew = log_uniform(3.0, 12.0), log_uniform(0.02, 0.15), rng.uniform(-0.15, 0.15)
+    sticks, hangs, slack, derives, gains_known = rng.random(5) < 0.5
     return Joint(
         speed=speed,
-        lag=between(0.015, 0.08),
+        lag=log_uniform(0.015, 0.08),
         up=friction * (1 + skew),
         down=friction * (1 - skew),
         stick=friction * rng.uniform(0.1, 0.6) * sticks,
-        stick_speed=between(0.05, 0.4),
+        stick_speed=log_uniform(0.05, 0.4),
         pull=rng.uniform(0.05, 0.3) * hangs,
         tilt=rng.uniform(-0.5, 0.5),
         backlash=np.radians(rng.uniform(0.2, 1.5)) * slack,
-        kp=between(2.0, 15.0),
-        kd=between(0.1, 1.0) / speed * derives,
+        kp=log_uniform(2.0, 15.0),
+        kd=log_uniform(0.1, 1.0) / speed * derives,
         delay=rng.uniform(0.0, 0.02),
-        noise=np.radians(between(0.03, 0.3)),
+        noise=np.radians(log_uniform(0.03, 0.3)),
         Ts=float(rng.choice([0.01, 0.02])),
-        known=bool(known),
+        known=bool(gains_known),
     )
 
 
@@ -98,28 +98,28 @@ def goals(rng: np.random.Generator, N: int, Ts: float) -> np.ndarray:
 
 
 @numba.njit
-def _run(goal, per, late, speed, lag, up, down, stick, stick_speed, pull, tilt, backlash, kp, kd):
+def _run(goal, steps_per_sample, delay_steps, speed, lag, rise, fall, stick, stick_speed, pull, tilt, backlash, kp, kd):
     angle, rate, link, drive = goal[0], 0.0, goal[0], 0.0
     last, slope = np.round(angle / TICK) * TICK, 0.0
     out = np.empty(len(goal))
-    for n in range(len(goal) * per):
-        if n % per == 0:
-            out[n // per] = link
+    for n in range(len(goal) * steps_per_sample):
+        if n % steps_per_sample == 0:
+            out[n // steps_per_sample] = link
         if n % LOOP == 0:
-            wanted = goal[max(n - late, 0) // per]
+            target = goal[max(n - delay_steps, 0) // steps_per_sample]
             read = np.round(angle / TICK) * TICK
             slope += FILTER * ((read - last) / (LOOP * STEP) - slope)
             last = read
-            drive = min(max(kp * (wanted - read) - kd * slope, -1.0), 1.0)
+            drive = min(max(kp * (target - read) - kd * slope, -1.0), 1.0)
         push = drive - pull * np.sin(angle - tilt)
         hold = stick * np.exp(-((rate / stick_speed) ** 2))
         if rate == 0.0:
-            if -down - hold <= push <= up + hold:
+            if -fall - hold <= push <= rise + hold:
                 continue
             way = 1.0 if push > 0 else -1.0
         else:
             way = 1.0 if rate > 0 else -1.0
-        force = push - way * ((up if way > 0 else down) + hold)
+        force = push - way * ((rise if way > 0 else fall) + hold)
         new = rate + STEP * (speed * force - rate) / lag
         if rate != 0.0 and new * rate < 0.0:
             new = 0.0
@@ -181,9 +181,9 @@ def line(r: dict[str, Any]) -> str:
 def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
     """Every joint, and how many are near the ceiling."""
     gaps = np.array([r["ceiling"] - r["fit"] for r in rows])
-    near = int(np.sum(gaps <= WITHIN))
+    count = int(np.sum(gaps <= WITHIN))
     counts = (
-        f"{near} of {len(rows)} within {WITHIN} of the ceiling; worst {gaps.max():.2f}, median {np.median(gaps):.2f}"
+        f"{count} of {len(rows)} within {WITHIN} of the ceiling; worst {gaps.max():.2f}, median {np.median(gaps):.2f}"
     )
     return "\n".join([*map(line, rows), counts, f"median {np.median([r['seconds'] for r in rows]):.1f} s a fit"])
 

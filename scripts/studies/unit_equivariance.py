@@ -68,7 +68,7 @@ def record(seed: int, inputs: int = 1, N: int = 500) -> sysid.IOData:
     return sysid.IOData(u, y + 0.01 * np.std(y) * rng.standard_normal(N), 1.0)
 
 
-def changed(data: sysid.IOData, change: str) -> tuple[sysid.IOData, float, float]:
+def change_units(data: sysid.IOData, change: str) -> tuple[sysid.IOData, float, float]:
     """The record in other units, and the factor and offset of its output."""
     u, y, gain, zero = data.u, data.y, 1.0, 0.0
     for part in change.split(", "):
@@ -104,12 +104,12 @@ def takes(name: str, change: str) -> bool:
     return name.startswith(("wiener ", "hammerstein_wiener ")) and name.split()[-1] in FREE
 
 
-def apart(plain: np.ndarray, other: np.ndarray, gain: float, zero: float) -> tuple[float, bool]:
+def difference(plain: np.ndarray, run: np.ndarray, gain: float, zero: float) -> tuple[float, bool]:
     """Distance of two runs [%] of the first one's spread, and whether they are the same to the bit."""
-    back = (other - zero) / gain
+    in_plain_units = (run - zero) / gain
     with np.errstate(invalid="ignore"):
-        distance = 100.0 * float(np.sqrt(np.mean((back - plain) ** 2)) / (np.std(plain) or 1.0))
-    same = bool(np.array_equal(back, plain))
+        distance = 100.0 * float(np.sqrt(np.mean((in_plain_units - plain) ** 2)) / (np.std(plain) or 1.0))
+    same = bool(np.array_equal(in_plain_units, plain))
     return (0.0 if same else distance), same
 
 
@@ -120,8 +120,8 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> dict[str, Any]:
     plain = outputs(CASES[name](), data)
     for change in options.changes:
         if takes(name, change):
-            moved, gain, zero = changed(data, change)
-            row[change] = apart(plain, outputs(CASES[name](), moved), gain, zero)
+            data_in_units, gain, zero = change_units(data, change)
+            row[change] = difference(plain, outputs(CASES[name](), data_in_units), gain, zero)
     return {"changes": row}
 
 
@@ -131,11 +131,11 @@ def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> dict[str
         c: {"compared": 0, "other_fit": 0, "other_bits": 0, "widest": 0.0} for c in options.changes
     }
     for row in rows:
-        for change, (distance, same) in row["changes"].items():
+        for change, (distance, is_equal) in row["changes"].items():
             count = counts[change]
             count["compared"] += 1
             count["other_fit"] += not distance <= NEAR
-            count["other_bits"] += not same
+            count["other_bits"] += not is_equal
             if not distance <= count["widest"]:
                 count |= {"widest": distance, "case": "{}, seed {}".format(*row["case"])}
     bits = [counts[c] for c in BITS if c in counts]

@@ -23,14 +23,14 @@ MARKS = ("<!-- verdicts: made by scripts/studies/verdicts.py -->\n", "<!-- end o
 def score(case: tuple[str, int], options: argparse.Namespace) -> dict:
     """The verdict on one stand-in, beside what was drawn."""
     effect, seed = case
-    drawn = stand_in(effect, seed)
-    verdict = explain(Trials(Follower(drawn.log, drawn.joint, threads=1), Parameters()))
+    example = stand_in(effect, seed)
+    verdict = explain(Trials(Follower(example.log, example.joint, threads=1), Parameters()))
     return {
         "effect": effect,
         "seed": seed,
-        "joint": drawn.joint,
-        "excitation": drawn.excitation,
-        "size": drawn.size,
+        "joint": example.joint,
+        "excitation": example.excitation,
+        "size": example.size,
         "named": verdict.first or NOTHING,
         "alike": list(verdict.alike),
         "departure": float(np.degrees(verdict.rms)),
@@ -70,16 +70,16 @@ def summary(rows: list[dict], options: argparse.Namespace) -> str:
     quiet = [row["named"] == NOTHING for row in rows if row["effect"] == NOTHING]
     text = table(rows)
     if options.docs:
-        before, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
-        PAGE.write_text(before + MARKS[0] + text + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")
+        head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
+        PAGE.write_text(head + MARKS[0] + text + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")
     return f"{text}\n{hits} of {len(effects)} named first; {sum(quiet)} of {len(quiet)} without a departure"
 
 
 def cases(options: argparse.Namespace) -> list[tuple[str, int]]:
     """Every effect with every seed, and nothing off nominal with as many as asked for."""
     first = options.seeds[0]
-    named = [(effect, seed) for seed in options.seeds for effect in TABLE]
-    return named + [(NOTHING, first + k) for k in range(options.nothing)]
+    with_effect = [(effect, seed) for seed in options.seeds for effect in TABLE]
+    return with_effect + [(NOTHING, first + k) for k in range(options.nothing)]
 
 
 STUDY = Study(

@@ -30,12 +30,12 @@ def of_objects(
     `state_initialization_window_length`, the samples that are known and not scored. Raises InputError for several
     channels and for parts without samples in common rates.
     """
-    parts = [(_label(part, k), part) for k, part in enumerate(_several(test), 1)]
+    parts = [(_label(part, k), part) for k, part in enumerate(_as_tuple(test), 1)]
     records = {name: _of_object(part, name) for name, part in parts}
     if len(records) < len(parts):  # two tests of one name
-        records = _numbered(_of_object(part, name) for name, part in parts)
+        records = _number(_of_object(part, name) for name, part in parts)
     windows = [part.state_initialization_window_length or 0 for _, part in parts]
-    record = IOData.merge(*(_of_object(part, "the estimation record") for part in _several(train)))
+    record = IOData.merge(*(_of_object(part, "the estimation record") for part in _as_tuple(train)))
     _one_rate("the set", record, records)
     return Task(
         record,
@@ -89,10 +89,10 @@ class Files:
 
     def make(self, scenario: str, seed: int) -> Task:
         """See `Family`. Raises InputError also for several channels and for a damaged file."""
-        found = self._sets()
-        if scenario not in found:
-            raise unknown("data set", scenario, found)
-        place = found[scenario]
+        places = self._sets()
+        if scenario not in places:
+            raise unknown("data set", scenario, places)
+        place = places[scenario]
         train = _hdf5(place / "train_valid") or [*_hdf5(place / "train"), *_hdf5(place / "valid")]
         if not train:
             raise InputError(
@@ -111,12 +111,12 @@ class Files:
     def _sets(self) -> dict[str, Path]:
         root = Path(self.folder)
         places = [root, *sorted(p for p in root.iterdir() if p.is_dir())] if root.is_dir() else []
-        found = {place.resolve().name: place for place in places if _tests(place)}
-        if not found:
+        sets = {place.resolve().name: place for place in places if _tests(place)}
+        if not sets:
             raise InputError(
                 f"{root} holds no data set; give a folder with train/*.hdf5 and test/*.hdf5, or one of such folders"
             )
-        return found
+        return sets
 
 
 def _hdf5(folder: Path) -> list[Path]:
@@ -137,7 +137,7 @@ def _of_file(path: Path) -> tuple[IOData, int]:
             rate, window = float(file.attrs.get("fs", 1.0)), int(file.attrs.get("init_sz", 0))
     except OSError as error:
         raise InputError(f"{path} is no HDF5 file ({error}); copy it again from its source") from None
-    _one_each(path, *(sum(name.rstrip("0123456789") == kind for name in columns) for kind in "uy"))
+    _check_single(path, *(sum(name.rstrip("0123456789") == kind for name in columns) for kind in "uy"))
     if "u0" not in columns or "y0" not in columns or not rate > 0.0:
         raise InputError(f"{path} has columns {', '.join(columns)} at {rate} Hz; it needs u0, y0 and a rate above 0")
     return IOData(columns["u0"], columns["y0"], 1.0 / rate), window
@@ -145,14 +145,14 @@ def _of_file(path: Path) -> tuple[IOData, int]:
 
 def _of_object(part: Any, name: str) -> IOData:
     u, y = (np.asarray(values, dtype=float) for values in (part.u, part.y))
-    _one_each(name, *(1 if x.ndim == 1 else int(np.prod(x.shape[1:])) for x in (u, y)))
+    _check_single(name, *(1 if x.ndim == 1 else int(np.prod(x.shape[1:])) for x in (u, y)))
     return IOData(u.ravel(), y.ravel(), 1.0 if part.sampling_time is None else float(part.sampling_time))
 
 
-def _one_each(where: object, inputs: int, outputs: int) -> None:
+def _check_single(place: object, inputs: int, outputs: int) -> None:
     if (inputs, outputs) != (1, 1):
         raise InputError(
-            f"{where} has {inputs} input(s) u0, u1, ... and {outputs} output(s) y0, y1, ...; this benchmark takes sets "
+            f"{place} has {inputs} input(s) u0, u1, ... and {outputs} output(s) y0, y1, ...; this benchmark takes sets "
             "of one each: choose one of either"
         )
 
@@ -166,7 +166,7 @@ def _one_rate(where: object, train: IOData, tests: Mapping[str, IOData]) -> None
             )
 
 
-def _several(parts: Any) -> tuple[Any, ...]:
+def _as_tuple(parts: Any) -> tuple[Any, ...]:
     return tuple(parts) if isinstance(parts, tuple | list) else (parts,)
 
 
@@ -174,5 +174,5 @@ def _label(part: Any, k: int) -> str:
     return str(getattr(part, "name", "") or f"test {k}")
 
 
-def _numbered(records: Iterable[IOData]) -> dict[str, IOData]:
+def _number(records: Iterable[IOData]) -> dict[str, IOData]:
     return {f"test {k}": record for k, record in enumerate(records, 1)}

@@ -27,7 +27,7 @@ TASK = ("scenario", "seed")
 GROUP = ("family", "method")
 
 
-def scored(table: pl.DataFrame) -> pl.DataFrame:
+def score_rows(table: pl.DataFrame) -> pl.DataFrame:
     """The rows of methods that had a chance, with `family`, `bar`, `bar_is`, `gap` and `ok`.
 
     A method that bears the name of its scenario, as hammerstein on drawn/hammerstein, is told the structure; all of
@@ -36,13 +36,13 @@ def scored(table: pl.DataFrame) -> pl.DataFrame:
     if table.is_empty():
         raise InputError("the table has no rows; run methods first: qpal bench run --tag quick")
     no_chain = (pl.col("method") == BAR) & pl.col("status").str.starts_with("refused")
-    tried = ~pl.any_horizontal(no_chain, *(pl.col("status").str.starts_with(word) for word in UNTRIED))
+    had_chance = ~pl.any_horizontal(no_chain, *(pl.col("status").str.starts_with(word) for word in UNTRIED))
     ok = (pl.col("status") == "ok") & (pl.col("fit") > DIVERGED / 2)
-    if not table.select(tried.any()).item():
+    if not table.select(had_chance.any()).item():
         raise InputError(
             f"no method of the table had a chance ({table['status'][0]}); install it or give its records, and run again"
         )
-    rows = table.filter(tried).with_columns(
+    rows = table.filter(had_chance).with_columns(
         _family().alias("family"),
         pl.when(_structure() == pl.col("method")).then(pl.lit(OWN)).otherwise("method").alias("method"),
         ok.fill_null(False).alias("ok"),
@@ -75,10 +75,10 @@ def _structure() -> pl.Expr:
     return pl.col("scenario").str.extract(r"^[^/]*/([^-]*)")
 
 
-def untried(table: pl.DataFrame) -> pl.DataFrame:
+def missing_methods(table: pl.DataFrame) -> pl.DataFrame:
     """Which methods had no chance, how often, and why: method, status, n."""
-    had_none = pl.any_horizontal(*(pl.col("status").str.starts_with(word) for word in UNTRIED))
-    return table.filter(had_none).group_by("method", "status").agg(pl.len().alias("n")).sort("method", "status")
+    no_chance = pl.any_horizontal(*(pl.col("status").str.starts_with(word) for word in UNTRIED))
+    return table.filter(no_chance).group_by("method", "status").agg(pl.len().alias("n")).sort("method", "status")
 
 
 def leaderboard(rows: pl.DataFrame) -> pl.DataFrame:
@@ -87,8 +87,8 @@ def leaderboard(rows: pl.DataFrame) -> pl.DataFrame:
     The order is by `lost`, the mean gap with a gap of `CAP` at most: a failure costs as much as no model.
     """
     gap, status = pl.col("gap"), pl.col("status")
-    stopped = status.str.starts_with(STOPPED)
-    refused = status.str.starts_with("refused")
+    is_stopped = status.str.starts_with(STOPPED)
+    is_refused = status.str.starts_with("refused")
     frame = rows.group_by(GROUP).agg(
         pl.len().alias("n"),
         gap.clip(-CAP, CAP).mean().alias("lost"),
@@ -97,10 +97,10 @@ def leaderboard(rows: pl.DataFrame) -> pl.DataFrame:
         gap.quantile(LEVEL, "higher").alias("gap_p95"),
         gap.max().alias("gap_worst"),
         pl.col("fit").filter("ok").median().alias("fit_median"),
-        (~pl.col("ok") & ~stopped & ~refused).sum().alias("crashed"),
-        stopped.sum().alias("stopped"),
-        refused.sum().alias("refused"),
-        _shifted("seconds").alias("seconds"),
+        (~pl.col("ok") & ~is_stopped & ~is_refused).sum().alias("crashed"),
+        is_stopped.sum().alias("stopped"),
+        is_refused.sum().alias("refused"),
+        _shifted_mean("seconds").alias("seconds"),
         pl.col("memory").median().alias("memory"),
         (pl.col("bar_is") != AT_BEST).mean().alias("bar_at_truth"),
     )
@@ -108,15 +108,15 @@ def leaderboard(rows: pl.DataFrame) -> pl.DataFrame:
     frame = frame.join(tasks, "family")
     for margin in NEAR:
         frame = with_rate(frame, f"near_{margin:g}", "n")
-    return frame.sort("family", ~_ranked(), "lost", "method")
+    return frame.sort("family", ~_competes(), "lost", "method")
 
 
-def ranked(board: pl.DataFrame) -> pl.DataFrame:
+def competitors(board: pl.DataFrame) -> pl.DataFrame:
     """The methods that compete: all but the bar, and but those that tried less than `ENOUGH` of a family's tasks."""
-    return board.filter(_ranked())
+    return board.filter(_competes())
 
 
-def _ranked() -> pl.Expr:
+def _competes() -> pl.Expr:
     return (pl.col("method") != BAR) & (pl.col("n") >= ENOUGH * pl.col("tasks"))
 
 
@@ -130,7 +130,7 @@ def with_rate(frame: pl.DataFrame, k: str, n: str) -> pl.DataFrame:
     )
 
 
-def explained(suffix: str = "") -> pl.Expr:
+def explains_record(suffix: str = "") -> pl.Expr:
     """Whether a row's model explains its record: its loss is not far above the variance of the noise."""
     return (pl.col(f"loss{suffix}") <= EXPLAINED * pl.col(f"noise{suffix}")).fill_null(False)
 
@@ -141,13 +141,13 @@ def calibration(rows: pl.DataFrame, by: Sequence[str] = GROUP) -> pl.DataFrame:
     Only models that explain their record count: an interval says nothing of a plant that its model cannot be. `others`
     and `others_held` are the intervals of the other models.
     """
-    claimed = rows.filter(pl.col("intervals") > 0).with_columns(explained().alias("whole"))
-    whole, rest = pl.col("whole"), ~pl.col("whole")
-    frame = claimed.group_by(by).agg(
-        whole.sum().alias("n"),
-        pl.col("intervals").filter(whole).sum(),
-        pl.col("held").filter(whole).sum(),
-        pl.col("width").filter(whole).median(),
+    claims = rows.filter(pl.col("intervals") > 0).with_columns(explains_record().alias("whole"))
+    adequate, rest = pl.col("whole"), ~pl.col("whole")
+    frame = claims.group_by(by).agg(
+        adequate.sum().alias("n"),
+        pl.col("intervals").filter(adequate).sum(),
+        pl.col("held").filter(adequate).sum(),
+        pl.col("width").filter(adequate).median(),
         pl.col("intervals").filter(rest).sum().alias("others"),
         pl.col("held").filter(rest).sum().alias("others_held"),
     )
@@ -177,7 +177,7 @@ def scenarios(rows: pl.DataFrame) -> pl.DataFrame:
             pl.col("seed").sort_by("gap", "seed", descending=[True, False]).first().alias("worst_seed"),
             pl.col("fit").filter("ok").median().alias("fit_median"),
             pl.col("oracle").median().alias("oracle_median"),
-            _shifted("seconds").alias("seconds"),
+            _shifted_mean("seconds").alias("seconds"),
         )
         .sort("scenario", pl.col("method") == BAR, "lost", "method")
     )
@@ -185,20 +185,20 @@ def scenarios(rows: pl.DataFrame) -> pl.DataFrame:
 
 def worst(rows: pl.DataFrame, count: int, by: Sequence[str] = ("scenario", "method")) -> pl.DataFrame:
     """The `count` rows with the largest gaps of each group, but the bar's own."""
-    mine = rows.filter((pl.col("method") != BAR) & pl.col("bar").is_not_null())
-    ranked = mine.sort("gap", "scenario", "method", "seed", descending=[True, False, False, False])
-    return ranked.group_by(by, maintain_order=True).head(count)
+    competing = rows.filter((pl.col("method") != BAR) & pl.col("bar").is_not_null())
+    ordered_rows = competing.sort("gap", "scenario", "method", "seed", descending=[True, False, False, False])
+    return ordered_rows.group_by(by, maintain_order=True).head(count)
 
 
-def against(rows: pl.DataFrame, first: str, other: str, family: str, margin: float = NEAR[0]) -> Duel:
+def compare_methods(rows: pl.DataFrame, first: str, rival: str, family: str, margin: float = NEAR[0]) -> Duel:
     """`first` against `other` on the tasks of the family that both tried; a failure loses.
 
     They tie on a task if their fits lie within `margin` points.
     """
-    mine = rows.filter((pl.col("family") == family) & pl.col("method").is_in([first, other]))
-    fit = mine.with_columns(pl.when("ok").then("fit").otherwise(float("-inf")).alias("fit"))
+    of_both = rows.filter((pl.col("family") == family) & pl.col("method").is_in([first, rival]))
+    fit = of_both.with_columns(pl.when("ok").then("fit").otherwise(float("-inf")).alias("fit"))
     wide = fit.pivot("method", index=TASK, values="fit", aggregate_function="first")
-    pairs = wide.select(first, other).drop_nulls().to_numpy()
+    pairs = wide.select(first, rival).drop_nulls().to_numpy()
     return duel(pairs[:, 0], pairs[:, 1], margin)
 
 
@@ -208,12 +208,14 @@ def profile(rows: pl.DataFrame, taus: np.ndarray, within: float | None = None) -
     The cost of a task is 1 - fit / 100, the normalised error; with `within`, it is the seconds of a fit whose gap is at
     most `within` points, and any other fit is a failure.
     """
-    mine = rows.filter(pl.col("method") != BAR)
+    competing = rows.filter(pl.col("method") != BAR)
     if within is None:
         cost = pl.when("ok").then((1.0 - pl.col("fit") / 100.0).clip(1e-6))
     else:
         cost = pl.when(pl.col("ok") & (pl.col("gap") <= within)).then(pl.col("seconds").clip(1e-3))
-    wide = mine.with_columns(cost.alias("cost")).pivot("method", index=TASK, values="cost", aggregate_function="first")
+    wide = competing.with_columns(cost.alias("cost")).pivot(
+        "method", index=TASK, values="cost", aggregate_function="first"
+    )
     names = sorted(set(wide.columns) - set(TASK))
     shares = performance_profile(wide.select(names).fill_null(float("inf")).to_numpy(), taus)
     return pl.DataFrame({"tau": taus} | {name: shares[:, k] for k, name in enumerate(names)})
@@ -224,22 +226,22 @@ def winners(board: pl.DataFrame, ours: Collection[str]) -> pl.DataFrame:
 
     A side without a method has nulls.
     """
-    mine = pl.col("method").is_in(list(ours))
-    competing = ranked(board)
+    is_ours = pl.col("method").is_in(list(ours))
+    competing = competitors(board)
     sides = []
-    for side, those in (("ours", mine), ("peer", ~mine)):
-        best = competing.filter(those).group_by("family", maintain_order=True).first()
+    for side, side_filter in (("ours", is_ours), ("peer", ~is_ours)):
+        best = competing.filter(side_filter).group_by("family", maintain_order=True).first()
         columns = ("method", "n", "lost", "near_0.1", "near_0.1_rate", "seconds", "fit_median")
-        sides.append(best.select("family", *(pl.col(name).alias(_of(side, name)) for name in columns)))
+        sides.append(best.select("family", *(pl.col(name).alias(_column(side, name)) for name in columns)))
     families = board.select(pl.col("family").unique().sort())
     return families.join(sides[0], "family", "left").join(sides[1], "family", "left").sort("family")
 
 
-def _of(side: str, name: str) -> str:
+def _column(side: str, name: str) -> str:
     return side if name == "method" else f"{side}_{name}"
 
 
-def _shifted(name: str) -> pl.Expr:
+def _shifted_mean(name: str) -> pl.Expr:
     """The shifted geometric mean; `sysid.bench.statistics` has the formula and its source."""
     return (pl.col(name) + SHIFT).log().mean().exp() - SHIFT
 
@@ -249,10 +251,10 @@ def worst_to_draw(rows: pl.DataFrame, methods: list[str], count: int) -> list[tu
 
     A gap within the smallest margin is not worth a picture.
     """
-    mine = rows.filter(pl.col("method").is_in(methods) & (pl.col("gap") > NEAR[0]) & pl.col("ok"))
-    ranked = mine.with_columns(pl.col("gap").clip(-CAP, CAP)).sort(
+    candidates = rows.filter(pl.col("method").is_in(methods) & (pl.col("gap") > NEAR[0]) & pl.col("ok"))
+    by_gap = candidates.with_columns(pl.col("gap").clip(-CAP, CAP)).sort(
         "gap", "scenario", "method", "seed", descending=[True, False, False, False]
     )
-    first = ranked.unique("scenario", keep="first", maintain_order=True).head(count)
+    first = by_gap.unique("scenario", keep="first", maintain_order=True).head(count)
     cells = first.select("scenario", "method", "seed").rows()
     return [(scenario, method_of(scenario, method), int(seed)) for scenario, method, seed in cells]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import polars as pl
 
-from sysid.bench.leaderboard import explained
+from sysid.bench.leaderboard import explains_record
 
 SEARCH, SELECTION, RUN, INTERVALS = "search", "selection", "free run", "intervals"
 PLACES = {  # where to look first
@@ -49,15 +49,15 @@ def _float(pairs: pl.DataFrame, name: str) -> np.ndarray:
 def _log_ratio(pairs: pl.DataFrame, name: str) -> np.ndarray:
     """log(new / base) (n,), nan unless both are positive."""
     new, base = _float(pairs, name), _float(pairs, f"{name}_base")
-    known = (new > 0) & (base > 0)
-    return np.log(np.where(known, new, np.nan) / np.where(known, base, np.nan))
+    positive = (new > 0) & (base > 0)
+    return np.log(np.where(positive, new, np.nan) / np.where(positive, base, np.nan))
 
 
 def _same_structure(pairs: pl.DataFrame) -> np.ndarray:
     return (pairs["structure"] == pairs["structure_base"]).to_numpy()
 
 
-def fell(pairs: pl.DataFrame) -> np.ndarray:
+def lost_fit(pairs: pl.DataFrame) -> np.ndarray:
     """Points of fit that were lost (n,), 100 at most, which is no model at all."""
     return np.clip(_float(pairs, "fit_base"), -100, None) - np.clip(_float(pairs, "fit"), -100, None)
 
@@ -76,17 +76,17 @@ def search(pairs: pl.DataFrame) -> np.ndarray:
 def _of_search(pairs: pl.DataFrame) -> np.ndarray:
     """Whether the loss changed in the same sense as the fit: both worse, or both better."""
     ratio = _log_ratio(pairs, "loss")
-    return (np.abs(ratio) > SAME_LOSS) & (ratio * fell(pairs) > 0)
+    return (np.abs(ratio) > SAME_LOSS) & (ratio * lost_fit(pairs) > 0)
 
 
 def choice(pairs: pl.DataFrame) -> np.ndarray:
     """The fit on unseen data where another structure was chosen and its loss does not explain the change."""
-    return np.where(~_same_structure(pairs) & ~_of_search(pairs), fell(pairs), 0.0)
+    return np.where(~_same_structure(pairs) & ~_of_search(pairs), lost_fit(pairs), 0.0)
 
 
 def poorer(pairs: pl.DataFrame) -> np.ndarray:
     """The fit where another structure was chosen and its loss changed with the fit."""
-    return np.where(~_same_structure(pairs) & _of_search(pairs), fell(pairs), 0.0)
+    return np.where(~_same_structure(pairs) & _of_search(pairs), lost_fit(pairs), 0.0)
 
 
 def growth(pairs: pl.DataFrame) -> np.ndarray:
@@ -104,7 +104,7 @@ def overfit(pairs: pl.DataFrame) -> np.ndarray:
 
 def free_run(pairs: pl.DataFrame) -> np.ndarray:
     """The fit on unseen data of the same structure where its loss does not explain the change, or is not told."""
-    return np.where(_same_structure(pairs) & ~_of_search(pairs), fell(pairs), np.nan)
+    return np.where(_same_structure(pairs) & ~_of_search(pairs), lost_fit(pairs), np.nan)
 
 
 def _same_fit(pairs: pl.DataFrame) -> np.ndarray:
@@ -118,11 +118,11 @@ def width(pairs: pl.DataFrame) -> np.ndarray:
 
 def coverage(pairs: pl.DataFrame) -> np.ndarray:
     """The share of pole intervals that no longer hold the truth, at the same loss; models that can hold it alone."""
-    whole = pairs.select(explained() & explained("_base")).to_series().to_numpy()
+    adequate = pairs.select(explains_record() & explains_record("_base")).to_series().to_numpy()
     with np.errstate(invalid="ignore", divide="ignore"):
         new = _float(pairs, "held") / _float(pairs, "intervals")
         base = _float(pairs, "held_base") / _float(pairs, "intervals_base")
-    return np.where(_same_fit(pairs) & whole, base - new, np.nan)
+    return np.where(_same_fit(pairs) & adequate, base - new, np.nan)
 
 
 def claims(pairs: pl.DataFrame) -> np.ndarray:
@@ -139,7 +139,7 @@ def _points(change: float) -> str:
     return f"{abs(change):.2f}"
 
 
-def _whole(change: float) -> str:
+def _integer(change: float) -> str:
     return f"{abs(change):.0f}"
 
 
@@ -147,7 +147,7 @@ _LOSS = "The loss of {who} on the same structure is {size} times as large on {w}
 _WIDTH = "The pole intervals of {who} are {size} times as wide on {w} of {n} pairs (median of these)"
 WIDTH = Measure("width", INTERVALS, width, SAME_WIDTH, _WIDTH, _WIDTH, _times)
 _SIZE = "The structure of {who} has {size} %s parameters (median) on {w} of {n} pairs, and %s on {b}"
-GROWTH = Measure("parameters", SELECTION, growth, 0.5, _SIZE % ("more", "fewer"), _SIZE % ("fewer", "more"), _whole)
+GROWTH = Measure("parameters", SELECTION, growth, 0.5, _SIZE % ("more", "fewer"), _SIZE % ("fewer", "more"), _integer)
 TABLE = (
     Measure("loss", SEARCH, search, SAME_LOSS, _LOSS + "smaller on {b}", _LOSS + "larger on {b}", _times),
     Measure(
@@ -213,6 +213,6 @@ TABLE = (
         0.5,
         "{who} gives {size} pole intervals fewer (median) on {w} of {n} pairs, and more on {b}",
         "{who} gives {size} pole intervals more (median) on {w} of {n} pairs, and fewer on {b}",
-        _whole,
+        _integer,
     ),
 )

@@ -1,4 +1,4 @@
-"""What runs a method on a task: within this process, or in an environment of its own (`sysid.bench.outside`)."""
+"""What runs a method on a task: within this process, or in an environment of its own (`sysid.bench.isolation`)."""
 
 import signal
 import threading
@@ -51,7 +51,7 @@ class Method(Protocol):
 
 
 @dataclass(frozen=True)
-class Inside:
+class FunctionMethod:
     """A method of this process: `fit(data)` of the contract, or `fit(data, task)` if it may see the truth."""
 
     name: str
@@ -65,12 +65,12 @@ class Inside:
         data, details, began = task.data(seconds, seed), dict[str, Any](), time.perf_counter()
         took, top = float("nan"), float("nan")
         try:
-            with one_blas_thread(), _at_most(LIMIT * seconds):
+            with one_blas_thread(), _time_limit(LIMIT * seconds):
                 start_peak()
                 model = self._fitted(data, task)
                 took, top = time.perf_counter() - began, peak()
                 details = details_of(model)
-                runs = {name: checked(model.simulate(u, first), len(u)) for name, (u, first) in tests.items()}
+                runs = {name: check_run(model.simulate(u, first), len(u)) for name, (u, first) in tests.items()}
         except TimeoutError:
             return Outcome(f"stopped after {LIMIT * seconds:.0f} s", seconds=time.perf_counter() - began)
         except InputError as error:
@@ -83,7 +83,7 @@ class Inside:
         return self.fit(data, task) if self.sees_truth else self.fit(data)
 
 
-def checked(run: Any, N: int) -> np.ndarray:
+def check_run(run: Any, N: int) -> np.ndarray:
     """The run as (N,) of floats. Raises ValueError for another length."""
     out = np.asarray(run, dtype=float).ravel()
     if len(out) != N:
@@ -99,7 +99,7 @@ def _version(package: str) -> str:
 
 
 @contextmanager
-def _at_most(seconds: float) -> Iterator[None]:
+def _time_limit(seconds: float) -> Iterator[None]:
     """Raises TimeoutError in the block after `seconds`; without a limit off the main thread, where no signal comes."""
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
@@ -108,10 +108,10 @@ def _at_most(seconds: float) -> Iterator[None]:
     def stop(*_: object) -> None:
         raise TimeoutError
 
-    before = signal.signal(signal.SIGALRM, stop)
+    previous = signal.signal(signal.SIGALRM, stop)
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        signal.signal(signal.SIGALRM, previous)

@@ -9,7 +9,7 @@ from typing import Any
 
 from sysid.base.errors import InputError
 from sysid.base.files import write_text
-from sysid.bench.outside import Outside
+from sysid.bench.isolation import FileMethod
 
 TEMPLATE = Path(__file__).with_name("template.py")
 
@@ -30,7 +30,7 @@ def add(name: str, folder: str | Path = ".", methods: Collection[str] = ()) -> P
     return write_text(path, TEMPLATE.read_text(encoding="utf-8"))
 
 
-def load(path: str | Path) -> Outside:
+def load(path: str | Path) -> FileMethod:
     """The method of a file, which is read and not run. Its name is that of the file.
 
     Raises InputError if the file is not there, is no Python, has no `fit` of one argument, imports sysid, or gives
@@ -52,8 +52,8 @@ def load(path: str | Path) -> Outside:
     package = _constant(tree, "PACKAGE", first)
     if not isinstance(package, str):
         raise InputError(f"PACKAGE in {file} is {package!r}; give the name of one package as a string")
-    about = (ast.get_docstring(tree) or "").split("\n")[0].rstrip(".")
-    return Outside(file.stem, about, str(file.resolve()), requirements, package, options)
+    summary = (ast.get_docstring(tree) or "").split("\n")[0].rstrip(".")
+    return FileMethod(file.stem, summary, str(file.resolve()), requirements, package, options)
 
 
 def _check_fit(tree: ast.Module, file: Path) -> None:
@@ -62,9 +62,9 @@ def _check_fit(tree: ast.Module, file: Path) -> None:
     if not functions:
         raise InputError(f"{file} has no function fit(data); see a file that has: qpal bench add my_arx")
     arguments = functions[-1].args
-    required = len(arguments.posonlyargs) + len(arguments.args) - len(arguments.defaults)
+    positional = len(arguments.posonlyargs) + len(arguments.args) - len(arguments.defaults)
     keywords = sum(default is None for default in arguments.kw_defaults)
-    if required > 1 or keywords or not (arguments.posonlyargs or arguments.args or arguments.vararg):
+    if positional > 1 or keywords or not (arguments.posonlyargs or arguments.args or arguments.vararg):
         raise InputError(f"fit in {file} takes other arguments; it gets one, the data: def fit(data)")
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import polars as pl
 
-from sysid.bench.leaderboard import CAP, ENOUGH, NEAR, against, calibration, method_of, ranked, winners
+from sysid.bench.leaderboard import CAP, ENOUGH, NEAR, calibration, compare_methods, competitors, method_of, winners
 from sysid.bench.statistics import Duel, wilson
 
 FEW = 6  # tasks: with all of them won, chance still explains it once in 32 times
@@ -40,8 +40,8 @@ def command(scenario: str, method: str, seed: int, budget: float | None = None) 
 
 
 def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Iterator[str]:
-    family, mine, peer = row["family"], row["ours"], row["peer"]
-    if mine is None and peer is None:
+    family, library, peer = row["family"], row["ours"], row["peer"]
+    if library is None and peer is None:
         yield (
             f"{family}: no method tried {_percent(ENOUGH)} of the tasks, so none is ranked. Run more: qpal bench run "
             "--tag standard"
@@ -51,8 +51,8 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
     if min(losses) >= CAP:
         yield f"{family}: no method has a usable result; the table of failures says why."
         return
-    side = "ours" if peer is None or (mine is not None and row["ours_lost"] <= row["peer_lost"]) else "peer"
-    first = mine if side == "ours" else peer
+    side = "ours" if peer is None or (library is not None and row["ours_lost"] <= row["peer_lost"]) else "peer"
+    first = library if side == "ours" else peer
     rate = wilson(row[f"{side}_near_0.1"], row[f"{side}_n"])
     yield (
         f"{family}: {first} is first{'' if side == 'ours' else ', which is not of this library'}. It loses "
@@ -60,19 +60,20 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
         f"{_percent(rate.value)} of its fits ({_percent(rate.low)} to {_percent(rate.high)}) are within "
         f"{NEAR[0]:g} point of the bar."
     )
-    if mine is None or peer is None:
+    if library is None or peer is None:
         yield f"{family}: the table has no method {'of others' if peer is None else 'of this library'} that is ranked."
         return
-    yield f"{family}: {_versus(mine, peer, against(rows, mine, peer, family))}"
+    yield f"{family}: {_versus(library, peer, compare_methods(rows, library, peer, family))}"
     if side == "peer":
-        yield f"{family}: {_worst_against(rows, family, mine, peer)}"
+        yield f"{family}: {_worst_against(rows, family, library, peer)}"
     yield from (f"{family}: {text}" for text in _cost(row, board, ours))
 
 
-def _versus(mine: str, peer: str, result: Duel) -> str:
+def _versus(library: str, peer: str, result: Duel) -> str:
     """Win, tie and loss against the best peer, and whether the shares differ beyond chance."""
     counts = (
-        f"{mine} against {peer}: {result.wins} won, {result.ties} tied and {result.losses} lost of {_tasks(result.n)}"
+        f"{library} against {peer}: {result.wins} won, {result.ties} tied and {result.losses} lost of "
+        f"{_tasks(result.n)}"
     )
     shares = (
         f"won {_percent(result.win[0])} to {_percent(result.win[1])}, lost {_percent(result.loss[0])} to "
@@ -81,7 +82,7 @@ def _versus(mine: str, peer: str, result: Duel) -> str:
     if result.n < FEW:
         return f"{counts}: too few to tell who is ahead."
     if result.win[0] > result.loss[1]:
-        end = f"{mine} is ahead"
+        end = f"{library} is ahead"
     elif result.loss[0] > result.win[1]:
         end = f"{peer} is ahead"
     else:
@@ -89,23 +90,25 @@ def _versus(mine: str, peer: str, result: Duel) -> str:
     return f"{counts} (95 % intervals: {shares}); {end}."
 
 
-def _worst_against(rows: pl.DataFrame, family: str, mine: str, peer: str) -> str:
+def _worst_against(rows: pl.DataFrame, family: str, library: str, peer: str) -> str:
     """The task on which a peer is farthest ahead, with the command that repeats it."""
     fit = pl.when("ok").then("fit").otherwise(-CAP).alias("fit")
-    both = rows.filter((pl.col("family") == family) & pl.col("method").is_in([mine, peer])).with_columns(fit)
-    wide = both.pivot("method", index=["scenario", "seed"], values="fit", aggregate_function="first").drop_nulls()
-    top = wide.sort(pl.col(peer) - pl.col(mine), "scenario", "seed", descending=[True, False, False]).row(0, named=True)
-    shown = {name: f"{top[name]:.2f} %" if top[name] > -CAP else "no result" for name in (mine, peer)}
+    pair = rows.filter((pl.col("family") == family) & pl.col("method").is_in([library, peer])).with_columns(fit)
+    wide = pair.pivot("method", index=["scenario", "seed"], values="fit", aggregate_function="first").drop_nulls()
+    top = wide.sort(pl.col(peer) - pl.col(library), "scenario", "seed", descending=[True, False, False]).row(
+        0, named=True
+    )
+    fits = {name: f"{top[name]:.2f} %" if top[name] > -CAP else "no result" for name in (library, peer)}
     return (
-        f"{peer} is farthest ahead on {top['scenario']}, seed {top['seed']}: {shown[peer]} against {shown[mine]}. "
-        f"Repeat it: {command(top['scenario'], mine, top['seed'], _budget(rows))}"
+        f"{peer} is farthest ahead on {top['scenario']}, seed {top['seed']}: {fits[peer]} against {fits[library]}. "
+        f"Repeat it: {command(top['scenario'], library, top['seed'], _budget(rows))}"
     )
 
 
 def _cost(row: dict[str, Any], board: pl.DataFrame, ours: Collection[str]) -> Iterator[str]:
     """Seconds of our best method against the fastest peer that is as good."""
-    mine, family = row["ours"], row["family"]
-    equal = ranked(board).filter(
+    library, family = row["ours"], row["family"]
+    equal = competitors(board).filter(
         (pl.col("family") == family)
         & ~pl.col("method").is_in(list(ours))
         & (pl.col("lost") <= row["ours_lost"] + NEAR[0])
@@ -113,7 +116,7 @@ def _cost(row: dict[str, Any], board: pl.DataFrame, ours: Collection[str]) -> It
     )
     if equal.is_empty():
         yield (
-            f"no peer's mean gap is within {NEAR[0]:g} point of that of {mine}, which takes "
+            f"no peer's mean gap is within {NEAR[0]:g} point of that of {library}, which takes "
             f"{_duration(row['ours_seconds'])}; {row['peer']} takes {_duration(row['peer_seconds'])} (shifted "
             "geometric means)."
         )
@@ -122,7 +125,7 @@ def _cost(row: dict[str, Any], board: pl.DataFrame, ours: Collection[str]) -> It
     slower = row["ours_seconds"] / peer["seconds"]
     faster = "is faster than" if slower > TENTH else "needs a tenth or less of the time of"
     yield (
-        f"{mine} {'is slower than' if slower > 1 else faster} {peer['method']}, whose mean gap is no larger: "
+        f"{library} {'is slower than' if slower > 1 else faster} {peer['method']}, whose mean gap is no larger: "
         f"{_duration(row['ours_seconds'])} against {_duration(peer['seconds'])} (shifted geometric means)."
     )
 

@@ -16,8 +16,8 @@ import numpy as np
 import polars as pl
 
 from sysid.base.errors import InputError
-from sysid.bench.leaderboard import CLAIMED, STOPPED, explained
-from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, fell
+from sysid.bench.leaderboard import CLAIMED, STOPPED, explains_record
+from sysid.bench.measures import GROWTH, PLACES, SAME_FIT, TABLE, WIDTH, Measure, lost_fit
 from sysid.bench.statistics import wilson
 from sysid.bench.table import DIVERGED, KEY, UNTRIED
 
@@ -74,7 +74,7 @@ class Verdict:
         good = [f.sentence for f in self.findings if not f.worse]
         count = len(bad) + len(self.broken)
         head = f"Worse: {count} finding{'s' * (count != 1)} over {self.pairs} pairs." if count else self._quiet()
-        return (head, *_some(self.broken), *bad, *good, *_some(self.mended), *self.notes)
+        return (head, *_shorten(self.broken), *bad, *good, *_shorten(self.mended), *self.notes)
 
     def _quiet(self) -> str:
         return (
@@ -96,12 +96,12 @@ def compare(new: pl.DataFrame, base: pl.DataFrame, ours: Collection[str] | None 
             "the tables share no scenario, method and seed; run the base again with the seeds of this version: "
             "qpal bench run --tag quick"
         )
-    broken, mended, stopped = _statuses(pairs)
-    both = pairs.filter((pl.col("status") == "ok") & (pl.col("status_base") == "ok"))
-    broken += [*_diverged(both), *_unjudged(pairs, both), *_other_records(both)]
-    findings = [*_findings(both, 1.0), *_findings(both, -1.0)]
-    notes = (*stopped, *_missing(new, base), *_budgets(pairs))
-    return Verdict(tuple(findings), tuple(broken), tuple(mended), notes, len(pairs))
+    lost, regained, unjudged = _statuses(pairs)
+    results = pairs.filter((pl.col("status") == "ok") & (pl.col("status_base") == "ok"))
+    lost += [*_divergences(results), *_sparse_methods(pairs, results), *_other_records(results)]
+    findings = [*_findings(results, 1.0), *_findings(results, -1.0)]
+    notes = (*unjudged, *_missing(new, base), *_budgets(pairs))
+    return Verdict(tuple(findings), tuple(lost), tuple(regained), notes, len(pairs))
 
 
 @dataclass(frozen=True)
@@ -119,12 +119,12 @@ def _count(change: np.ndarray, tolerance: float, tasks: np.ndarray) -> _Count:
     """Counts of the pairs; the sign test gives each task (scenario and seed) one vote, since methods share its data."""
     from scipy.stats import binom
 
-    known = np.isfinite(change)
-    up, down = change[known] > tolerance, change[known] < -tolerance
-    votes = np.sign(np.bincount(tasks[known], up.astype(float) - down))
+    finite = np.isfinite(change)
+    worse, better = change[finite] > tolerance, change[finite] < -tolerance
+    votes = np.sign(np.bincount(tasks[finite], worse.astype(float) - better))
     plus, minus = int((votes > 0).sum()), int((votes < 0).sum())
-    p = float(binom.sf(up.sum() - 1, known.sum(), FLIPPED)) if up.any() else 1.0
-    return _Count(int(up.sum()), int(down.sum()), int(known.sum()), p, _sign_test(plus, minus))
+    p = float(binom.sf(worse.sum() - 1, finite.sum(), FLIPPED)) if worse.any() else 1.0
+    return _Count(int(worse.sum()), int(better.sum()), int(finite.sum()), p, _sign_test(plus, minus))
 
 
 def _findings(pairs: pl.DataFrame, direction: float) -> Iterator[Finding]:
@@ -133,10 +133,10 @@ def _findings(pairs: pl.DataFrame, direction: float) -> Iterator[Finding]:
         return
     changes = {m.name: direction * m.change(pairs) for m in TABLE}
     counts = _counts(pairs, changes)
-    passed = _holm(counts)
+    rejected = _holm(counts)
     for measure in TABLE:
-        methods = sorted(method for name, method in passed if name == measure.name and method)
-        if methods or (measure.name, "") in passed:
+        methods = sorted(method for name, method in rejected if name == measure.name and method)
+        if methods or (measure.name, "") in rejected:
             p = min(counts[measure.name, method].p for method in (methods or ("",)))
             yield _finding(measure, pairs, changes[measure.name], methods, direction, p)
 
@@ -145,57 +145,57 @@ def _counts(pairs: pl.DataFrame, changes: dict[str, np.ndarray]) -> dict[tuple[s
     """Counts by measure and method; the method '' stands for all of them together."""
     methods = pairs["method"].to_numpy()
     tasks = pairs.select(pl.struct("scenario", "seed").rank("dense") - 1).to_series().to_numpy().astype(int)
-    each = {"": np.ones(len(methods), dtype=bool)} | {str(m): methods == m for m in np.unique(methods)}
+    masks = {"": np.ones(len(methods), dtype=bool)} | {str(m): methods == m for m in np.unique(methods)}
     return {
-        (measure.name, method): _count(changes[measure.name][mine], measure.tolerance, tasks[mine])
+        (measure.name, method): _count(changes[measure.name][mask], measure.tolerance, tasks[mask])
         for measure in TABLE
-        for method, mine in each.items()
+        for method, mask in masks.items()
     }
 
 
 def _holm(counts: dict[tuple[str, str], _Count]) -> set[tuple[str, str]]:
     """The tests that reject together at `ALARM` and whose sign test rejects too."""
-    ranked = sorted((c.p, key) for key, c in counts.items() if c.n)
-    passed = set()
-    for k, (p, key) in enumerate(ranked):
-        if p > ALARM / (len(ranked) - k):
+    by_probability = sorted((c.p, key) for key, c in counts.items() if c.n)
+    rejected = set()
+    for k, (p, key) in enumerate(by_probability):
+        if p > ALARM / (len(by_probability) - k):
             break
         if counts[key].sign <= SIGN:
-            passed.add(key)
-    return passed
+            rejected.add(key)
+    return rejected
 
 
 def _finding(
     measure: Measure, pairs: pl.DataFrame, change: np.ndarray, methods: list[str], direction: float, p: float
 ) -> Finding:
-    named = pairs["method"].is_in(methods).to_numpy() if methods else np.ones(len(pairs), dtype=bool)
-    mine = np.where(named, change, np.nan)
-    up, known = mine > measure.tolerance, np.isfinite(mine)
-    size = direction * float(np.median(mine[up]))
-    worst = pairs.row(int(np.nanargmax(mine)), named=True)
+    selected = pairs["method"].is_in(methods).to_numpy() if methods else np.ones(len(pairs), dtype=bool)
+    change_of_methods = np.where(selected, change, np.nan)
+    beyond_tolerance, finite = change_of_methods > measure.tolerance, np.isfinite(change_of_methods)
+    size = direction * float(np.median(change_of_methods[beyond_tolerance]))
+    worst = pairs.row(int(np.nanargmax(change_of_methods)), named=True)
     cell = (worst["scenario"], worst["method"], worst["seed"])
-    w, b, n = int(up.sum()), int((mine < -measure.tolerance).sum()), int(known.sum())
-    worse, more = direction > 0, ""
+    w, b, n = int(beyond_tolerance.sum()), int((change_of_methods < -measure.tolerance).sum()), int(finite.sum())
+    is_worse, addition = direction > 0, ""
     if measure is WIDTH:
-        worse, more = _too_wide_or_narrow(pairs.filter(known), direction)
+        is_worse, addition = _too_wide_or_narrow(pairs.filter(finite), direction)
     if measure is GROWTH:
-        worse, more = _bought(pairs.filter(up), direction)
-    who = _listed(methods) if methods else "all methods together"
+        is_worse, addition = _growth_verdict(pairs.filter(beyond_tolerance), direction)
+    subject = _enumerate(methods) if methods else "all methods together"
     text = (measure.worse if direction > 0 else measure.better).format(
-        who=who, size=measure.size(size), w=w, b=b, n=n
-    ) + more
-    where = f"Look first at {PLACES[measure.room]}; the" if worse else "The"
-    text = f"{text[0].upper()}{text[1:]}. {where} largest change is {cell[0]}, {cell[1]}, seed {cell[2]}."
-    return Finding(measure.name, measure.room, tuple(methods), worse, w, b, n, size, p, cell, text)
+        who=subject, size=measure.size(size), w=w, b=b, n=n
+    ) + addition
+    place = f"Look first at {PLACES[measure.room]}; the" if is_worse else "The"
+    text = f"{text[0].upper()}{text[1:]}. {place} largest change is {cell[0]}, {cell[1]}, seed {cell[2]}."
+    return Finding(measure.name, measure.room, tuple(methods), is_worse, w, b, n, size, p, cell, text)
 
 
-def _bought(pairs: pl.DataFrame, direction: float) -> tuple[bool, str]:
+def _growth_verdict(pairs: pl.DataFrame, direction: float) -> tuple[bool, str]:
     """Whether larger structures (direction 1) bought no fit beyond chance, and the counts in words.
 
     Smaller ones are never worse by themselves: where they cost fit, another measure says so.
     """
-    lost = fell(pairs)
-    higher, lower = int((lost < -SAME_FIT).sum()), int((lost > SAME_FIT).sum())
+    fit_loss = lost_fit(pairs)
+    higher, lower = int((fit_loss < -SAME_FIT).sum()), int((fit_loss > SAME_FIT).sum())
     words = f"; on these the fit on unseen data is higher on {higher} and lower on {lower}"
     return direction > 0 and _sign_test(higher, lower) > SIGN, words
 
@@ -214,65 +214,69 @@ def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, st
     if too few held before in every family, so that noise for which intervals are too narrow hides no scaling elsewhere.
     Narrower ones are worse if too few hold now in any family. Without a family of `JUDGED` intervals both are worse.
     """
-    judged = pairs.filter(explained() & explained("_base")).with_columns(
+    adequate = pairs.filter(explains_record() & explains_record("_base")).with_columns(
         pl.col("scenario").str.split("/").list.first().alias("family")
     )
-    worse, words = list[bool](), list[str]()
-    for (family,), part in judged.partition_by("family", as_dict=True).items():
-        now = wilson(int(part["held"].sum()), int(part["intervals"].sum()))
-        before = wilson(int(part["held_base"].sum()), int(part["intervals_base"].sum()))
-        if min(now.n, before.n) >= JUDGED:
-            worse.append(before.high >= CLAIMED if direction > 0 else now.high < CLAIMED)
+    verdicts, words = list[bool](), list[str]()
+    for (family,), part in adequate.partition_by("family", as_dict=True).items():
+        new_rate = wilson(int(part["held"].sum()), int(part["intervals"].sum()))
+        base_rate = wilson(int(part["held_base"].sum()), int(part["intervals_base"].sum()))
+        if min(new_rate.n, base_rate.n) >= JUDGED:
+            verdicts.append(base_rate.high >= CLAIMED if direction > 0 else new_rate.high < CLAIMED)
             words.append(
-                f"{now.k} of {now.n} hold the truth on {family} ({100 * now.value:.0f} %), {before.k} of {before.n} "
-                f"before ({100 * before.value:.0f} %)"
+                f"{new_rate.k} of {new_rate.n} hold the truth on {family} ({100 * new_rate.value:.0f} %), "
+                f"{base_rate.k} of {base_rate.n} "
+                f"before ({100 * base_rate.value:.0f} %)"
             )
     if not words:
         return (
             True,
             f"; fewer than {JUDGED} intervals are of a model that explains its record, so none of them is judged",
         )
-    return any(worse), f". Where the model explains the record, {'; '.join(words)}; {100 * CLAIMED:.0f} % is claimed"
+    return any(verdicts), f". Where the model explains the record, {'; '.join(words)}; {100 * CLAIMED:.0f} % is claimed"
 
 
 def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:
     """Rows that lost their result, rows that gained one, and changes that depend on time or on what is installed."""
-    broken, mended, other = list[str](), list[str](), list[str]()
+    lost, regained, notes = list[str](), list[str](), list[str]()
     for row in pairs.filter(pl.col("status") != pl.col("status_base")).iter_rows(named=True):
         cell = f"{row['scenario']}, {row['method']}, seed {row['seed']}"
         sentence = f"{cell}: {_full_stop(row['status'])} Before: {_full_stop(row['status_base'])}"
-        both = (row["status"], row["status_base"])
-        if any(status.startswith((STOPPED, *UNTRIED)) for status in both):
-            other.append(f"Not judged: {sentence}")
-        elif "ok" in both:
-            (broken if row["status_base"] == "ok" else mended).append(sentence)
+        statuses = (row["status"], row["status_base"])
+        if any(status.startswith((STOPPED, *UNTRIED)) for status in statuses):
+            notes.append(f"Not judged: {sentence}")
+        elif "ok" in statuses:
+            (lost if row["status_base"] == "ok" else regained).append(sentence)
         else:
-            other.append(f"Failed in another way: {sentence}")
-    return broken, mended, list(_some(other))
+            notes.append(f"Failed in another way: {sentence}")
+    return lost, regained, list(_shorten(notes))
 
 
-def _diverged(both: pl.DataFrame) -> Iterator[str]:
+def _divergences(results: pl.DataFrame) -> Iterator[str]:
     """Free runs that are not finite any more."""
-    for row in both.filter((pl.col("fit") < DIVERGED / 2) & (pl.col("fit_base") > DIVERGED / 2)).iter_rows(named=True):
+    for row in results.filter((pl.col("fit") < DIVERGED / 2) & (pl.col("fit_base") > DIVERGED / 2)).iter_rows(
+        named=True
+    ):
         yield f"{row['scenario']}, {row['method']}, seed {row['seed']}: the free run diverged. Before: it did not."
 
 
-def _unjudged(pairs: pl.DataFrame, both: pl.DataFrame) -> Iterator[str]:
+def _sparse_methods(pairs: pl.DataFrame, results: pl.DataFrame) -> Iterator[str]:
     """Methods of which less than half of the base's results have a counterpart: nothing can be said of these."""
-    there = dict(pairs.filter(pl.col("status_base") == "ok").group_by("method").len().rows())
-    judged = dict(both.group_by("method").len().rows())
-    for method, count in sorted(there.items()):
-        if 2 * judged.get(method, 0) < count:
-            yield f"{method}: only {judged.get(method, 0)} of {count} results of the base can be judged."
+    base_counts = dict(pairs.filter(pl.col("status_base") == "ok").group_by("method").len().rows())
+    judged_counts = dict(results.group_by("method").len().rows())
+    for method, count in sorted(base_counts.items()):
+        if 2 * judged_counts.get(method, 0) < count:
+            yield f"{method}: only {judged_counts.get(method, 0)} of {count} results of the base can be judged."
 
 
-def _other_records(both: pl.DataFrame) -> Iterator[str]:
+def _other_records(results: pl.DataFrame) -> Iterator[str]:
     """Pairs whose noise-free output has another fit: the two tables were not run on the same data."""
-    other = both.filter((pl.col("oracle") - pl.col("oracle_base")).abs() > SAME_ORACLE)
-    if len(other):
+    different = results.filter((pl.col("oracle") - pl.col("oracle_base")).abs() > SAME_ORACLE)
+    if len(different):
         yield (
-            f"{len(other)} pairs were run on other data, as their oracle says, first {other['scenario'][0]}, seed "
-            f"{other['seed'][0]}: run the base again with this version's scenarios."
+            f"{len(different)} pairs were run on other data, as their oracle says, first "
+            f"{different['scenario'][0]}, seed "
+            f"{different['seed'][0]}: run the base again with this version's scenarios."
         )
 
 
@@ -288,12 +292,12 @@ def _missing(new: pl.DataFrame, base: pl.DataFrame) -> Iterator[str]:
 
 
 def _budgets(pairs: pl.DataFrame) -> Iterator[str]:
-    changed = pairs.filter(pl.col("budget") != pl.col("budget_base"))
-    if len(changed):
-        yield f"{len(changed)} of {len(pairs)} pairs had another time budget than in the base; give both the same one."
+    unequal = pairs.filter(pl.col("budget") != pl.col("budget_base"))
+    if len(unequal):
+        yield f"{len(unequal)} of {len(pairs)} pairs had another time budget than in the base; give both the same one."
 
 
-def _some(sentences: list[str] | tuple[str, ...]) -> Iterator[str]:
+def _shorten(sentences: list[str] | tuple[str, ...]) -> Iterator[str]:
     """The first `NAMED` sentences, and how many there are more."""
     yield from sentences[:NAMED]
     if len(sentences) > NAMED:
@@ -304,7 +308,7 @@ def _full_stop(text: str) -> str:
     return text if text.endswith(".") else f"{text}."
 
 
-def _listed(names: list[str]) -> str:
+def _enumerate(names: list[str]) -> str:
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 

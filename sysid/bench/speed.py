@@ -32,14 +32,14 @@ def speed(long: int = 1_000_000, plant: str = "textbook") -> dict[str, float]:
     model = hammerstein_wiener(linear.nb, linear.nf, linear.nk)
     data = true.record(N, NOISE, np.random.default_rng(0))
     u = data.u[:, 0]
-    found = fit(model, data, starts=1)
+    fit_result = fit(model, data, starts=1)
     single, count = _best(lambda: fit(model, data, starts=1), 5)
     multi, _ = _best(lambda: fit(model, data, starts=5), 3)
-    kernel, _ = _best(lambda: model.tangent(found.theta, u), 50)
-    free_run, _ = _best(lambda: model.simulate(found.theta, u), 50)
-    short_time = _per_sample(true, model, 10_000, found.theta)
-    long_time = _per_sample(true, model, long, found.theta)
-    fit(model, true.record(long, NOISE, np.random.default_rng(1)), starts=1, start=found.theta)
+    kernel, _ = _best(lambda: model.tangent(fit_result.theta, u), 50)
+    free_run, _ = _best(lambda: model.simulate(fit_result.theta, u), 50)
+    short_time = _per_sample(true, model, 10_000, fit_result.theta)
+    long_time = _per_sample(true, model, long, fit_result.theta)
+    fit(model, true.record(long, NOISE, np.random.default_rng(1)), starts=1, start=fit_result.theta)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**30 if sys.platform == "darwin" else 2**20)
     return {
         "single_start_s": single,
@@ -47,7 +47,7 @@ def speed(long: int = 1_000_000, plant: str = "textbook") -> dict[str, float]:
         "multi_start_5_s": multi,
         "simulate_s": free_run,
         "simulate_and_jacobian_s": kernel,
-        "parameters": float(len(found.theta)),
+        "parameters": float(len(fit_result.theta)),
         "single_start_over_kernel": single / kernel,
         "us_per_sample_iteration_10000": 1e6 * short_time,
         f"us_per_sample_iteration_{long}": 1e6 * long_time,
@@ -75,6 +75,6 @@ def _best(job: Callable[[], T], repeats: int) -> tuple[float, T]:
     shortest = np.inf
     for _ in range(repeats):
         began = time.process_time()
-        found = job()
+        result = job()
         shortest = min(shortest, time.process_time() - began)
-    return shortest, found
+    return shortest, result

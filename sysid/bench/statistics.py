@@ -87,8 +87,8 @@ def duel(mine: np.ndarray, theirs: np.ndarray, margin: float, level: float = LEV
     if not counts.sum():
         return Duel(0, 0, 0, (0.0, 1.0), (0.0, 1.0), (0.0, 1.0))
     n = counts.sum()
-    drawn = np.random.default_rng(seed).multinomial(n, counts / n, size=RESAMPLES) / n
-    ends = np.quantile(drawn, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    shares = np.random.default_rng(seed).multinomial(n, counts / n, size=RESAMPLES) / n
+    ends = np.quantile(shares, [(1 - level) / 2, (1 + level) / 2], axis=0)
     win, tie, loss = ((float(low), float(high)) for low, high in ends.T)
     wins, ties, losses = (int(count) for count in counts)
     return Duel(wins, ties, losses, win, tie, loss)
@@ -100,7 +100,7 @@ def median_interval(values: np.ndarray, level: float = LEVEL, seed: int = 0) -> 
 
     if len(values) < 2:
         return float("nan"), float("nan")
-    found = bootstrap(
+    result = bootstrap(
         (values,),
         np.median,
         n_resamples=2000,
@@ -110,4 +110,4 @@ def median_interval(values: np.ndarray, level: float = LEVEL, seed: int = 0) -> 
         rng=np.random.default_rng(seed),
         batch=200,
     )
-    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)

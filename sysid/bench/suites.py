@@ -106,32 +106,32 @@ def cells(
     for name in (name for part in parts for name in part.methods):
         if name not in methods and name not in (OWN, PEERS):
             raise unknown("method", name, methods)
-    start, found = first_seed() if first is None else first, dict[tuple[str, str, int], Cell]()
-    everything = names(families)
+    start, chosen_cells = first_seed() if first is None else first, dict[tuple[str, str, int], Cell]()
+    all_names = names(families)
     for part in parts:
         for pattern in part.scenarios:
-            if not any(fnmatchcase(name, pattern) for name in everything):
+            if not any(fnmatchcase(name, pattern) for name in all_names):
                 raise InputError(f"no scenario is called {pattern}; qpal bench list shows them")
-    most = max((part.seeds for part in parts), default=0)
-    for k in range(most):
+    largest = max((part.seeds for part in parts), default=0)
+    for k in range(largest):
         for part in parts:
             if k >= part.seeds:
                 continue
-            chosen = [name for name in everything if any(fnmatchcase(name, p) for p in part.scenarios)]
-            for name in chosen:
+            names_of_part = [name for name in all_names if any(fnmatchcase(name, p) for p in part.scenarios)]
+            for name in names_of_part:
                 family, _, scenario = name.partition("/")
                 for method in _methods(part, scenario, methods, ours):
                     cell = Cell(families[family], scenario, method, start + k, seconds)
-                    found.setdefault(cell.key, cell)
-    return list(found.values())
+                    chosen_cells.setdefault(cell.key, cell)
+    return list(chosen_cells.values())
 
 
 def _methods(part: Part, scenario: str, methods: Mapping[str, Method], ours: Sequence[str]) -> list[Method]:
-    found = []
+    selection = []
     for name in part.methods:
-        own = scenario.partition("-")[0] if name == OWN else name
-        if own == PEERS:
-            found += [method for key, method in methods.items() if key not in ours and key != BAR]
-        elif own in methods:
-            found.append(methods[own])
-    return found
+        key_name = scenario.partition("-")[0] if name == OWN else name
+        if key_name == PEERS:
+            selection += [method for key, method in methods.items() if key not in ours and key != BAR]
+        elif key_name in methods:
+            selection.append(methods[key_name])
+    return selection

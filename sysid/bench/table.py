@@ -160,10 +160,10 @@ class Table:
 def write(rows: pl.DataFrame, path: Path) -> None:
     """The table as a Parquet file, whole or not at all, with a check sum in each row."""
     tables.check_fork()
-    ordered = rows.sort(KEY).select(list(COLUMNS))
-    sums = pl.Series(CHECK, _sums(ordered), dtype=pl.String)
+    rows_in_order = rows.sort(KEY).select(list(COLUMNS))
+    sums = pl.Series(CHECK, _sums(rows_in_order), dtype=pl.String)
     with atomic_file(path) as temporary:
-        ordered.with_columns(sums).write_parquet(temporary.absolute())
+        rows_in_order.with_columns(sums).write_parquet(temporary.absolute())
 
 
 def read(path: str | os.PathLike) -> pl.DataFrame:
@@ -190,8 +190,8 @@ def parquet(path: Path) -> tuple[pl.DataFrame, list[int]]:
     keys = list(rows.select(KEY).iter_rows())
     first = dict(zip(reversed(keys), reversed(sums), strict=True))
     conflicts = {key for key, value in zip(keys, sums, strict=True) if value != first[key]}  # two different rows
-    stored = frame[CHECK].to_list()
-    good = [value == check and key not in conflicts for key, value, check in zip(keys, sums, stored, strict=True)]
+    checks = frame[CHECK].to_list()
+    good = [value == check and key not in conflicts for key, value, check in zip(keys, sums, checks, strict=True)]
     return rows.filter(pl.Series(good, dtype=pl.Boolean)), [k for k, row_is_good in enumerate(good) if not row_is_good]
 
 

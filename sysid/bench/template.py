@@ -23,9 +23,9 @@ def fit(data):
 def rows(inputs, outputs, missing, nb, na, nk):
     """Regressors [-y(k-1) .. -y(k-na), u(k-nk) .. u(k-nk-nb+1), 1] and y(k) of all experiments, without gaps."""
     X, z = [], []
-    for u, y, gone in zip(inputs, outputs, missing, strict=True):
+    for u, y, lost in zip(inputs, outputs, missing, strict=True):
         k = np.arange(max(na, nb + nk - 1), len(y))
-        k = k[~np.any([gone[k - i] for i in range(na + 1)], axis=0)]
+        k = k[~np.any([lost[k - i] for i in range(na + 1)], axis=0)]
         past = [-y[k - i] for i in range(1, na + 1)] + [u[k - nk - j] for j in range(nb)]
         X.append(np.column_stack([*past, np.ones(len(k))]))
         z.append(y[k])

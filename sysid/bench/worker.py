@@ -1,6 +1,6 @@
 """Runs a method file in a process of its own: `python worker.py METHOD FOLDER PACKAGE PARENT`, with numpy alone.
 
-FOLDER holds data.npz (see `sysid.bench.outside`). The worker writes `began` when the clock starts, then runs.npz and
+FOLDER holds data.npz (see `sysid.bench.isolation`). The worker writes `began` when the clock starts, then runs.npz and
 done.json: details, seconds of the fit [s], peak memory [MiB], version; or a sentence in `status`.
 """
 

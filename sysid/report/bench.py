@@ -44,7 +44,7 @@ class Board:
     def of(cls, table: pl.DataFrame, ours: Collection[str]) -> "Board":
         """All frames of a results table. Raises InputError for a table without rows."""
         ours = (*ours, boards.OWN)
-        rows = boards.scored(table)
+        rows = boards.score_rows(table)
         board = boards.leaderboard(rows)
         return cls(
             rows,
@@ -55,7 +55,7 @@ class Board:
             boards.errors(rows),
             boards.scenarios(rows),
             boards.worst(boards.worst(rows, EACH), WORST, ("scenario",)),
-            boards.untried(table),
+            boards.missing_methods(table),
             tuple(presentation.sentences(rows, board, ours)),
         )
 
@@ -295,7 +295,7 @@ def _grid(
     """A sortable table; the bar and methods that are not ranked are grey if `bar`."""
     quiet = frozenset[int]()
     if bar:
-        competing = boards.ranked(frame)["method"].to_list()
+        competing = boards.competitors(frame)["method"].to_list()
         quiet = frozenset(k for k, name in enumerate(frame["method"]) if name not in competing)
     headings = [column.heading for column in columns]
     return Grid(headings, presentation.cells(frame, columns), caption, text, quiet, last_text, sortable=True)

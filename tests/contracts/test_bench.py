@@ -17,7 +17,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import seal
 from sysid.bench import cell, suites
 from sysid.bench.cell import Cell
-from sysid.bench.method import Inside
+from sysid.bench.method import FunctionMethod
 from sysid.bench.methods import TABLE as METHODS
 from sysid.bench.scenarios import TABLE as FAMILIES
 from sysid.bench.table import BELONGS, COLUMNS, KEY, Table, read
@@ -42,7 +42,9 @@ def slow_line(data):
 
 
 def cells(count, fit=slow_line):
-    return [Cell(FAMILIES["drawn"], "output_error", Inside("line", "", fit), seed, 9.0) for seed in range(count)]
+    return [
+        Cell(FAMILIES["drawn"], "output_error", FunctionMethod("line", "", fit), seed, 9.0) for seed in range(count)
+    ]
 
 
 def bench(path, *more):
@@ -136,7 +138,7 @@ def test_whatever_a_method_does_there_is_a_row(tmp_path):
 
     said = []
     for fit in (crash, short, never, wild):
-        row = cell.run_cell(Cell(FAMILIES["drawn"], "output_error", Inside("x", "", fit), 1, 0.1))
+        row = cell.run_cell(Cell(FAMILIES["drawn"], "output_error", FunctionMethod("x", "", fit), 1, 0.1))
         assert list(row) == list(COLUMNS)
         said.append((row["status"], row["fit"]))
     assert said[0] == ("crashed: RuntimeError: out of luck", None)

@@ -13,7 +13,7 @@ from sysid.base.poles import pairs
 from sysid.bench import cell
 from sysid.bench.cell import Cell
 from sysid.bench.contract import Data
-from sysid.bench.method import Inside
+from sysid.bench.method import FunctionMethod
 from sysid.bench.methods import library
 from sysid.bench.scenarios import TABLE as FAMILIES
 from sysid.bench.task import Task, Truth
@@ -68,7 +68,7 @@ def row(by=0.0, poles=(0.8,), details=None):
     def fit(data, task):
         return Shifted(task, by, np.array(poles), details or {})
 
-    return cell.run_cell(Cell(Known(), "lag", Inside("x", "", fit, sees_truth=True), 4, 5.0))
+    return cell.run_cell(Cell(Known(), "lag", FunctionMethod("x", "", fit, sees_truth=True), 4, 5.0))
 
 
 def test_errors_of_every_test_and_of_all_samples_together():
@@ -128,7 +128,7 @@ def test_missing_samples_are_not_scored():
 
 
 def test_a_scenario_without_its_records_is_a_row():
-    found = cell.run_cell(Cell(FAMILIES["drawn"], "none", Inside("x", "", abs), 0, 1.0))
+    found = cell.run_cell(Cell(FAMILIES["drawn"], "none", FunctionMethod("x", "", abs), 0, 1.0))
     assert found["status"].startswith("no data: unknown scenario")
     assert found["fit"] is None
 

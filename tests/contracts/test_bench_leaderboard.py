@@ -40,7 +40,7 @@ def gaps(scored: pl.DataFrame, method: str) -> list[float]:
 
 
 def test_the_bar_is_the_fit_from_the_truth_and_else_the_best_fit(table):
-    scored = boards.scored(table)
+    scored = boards.score_rows(table)
     assert gaps(scored, "ours") == pytest.approx([-0.05, 0.05, 0.5, 1.5])
     assert gaps(scored, "peer") == [10.0, np.inf, np.inf, 0.0]
     at_best = scored.filter(pl.col("bar_is") == boards.AT_BEST)
@@ -49,19 +49,19 @@ def test_the_bar_is_the_fit_from_the_truth_and_else_the_best_fit(table):
 
 def test_a_plant_that_is_no_chain_has_its_noise_free_output_as_bar(table):
     known = table.with_columns(oracle=pl.when(pl.col("scenario") == "f/b").then(65.0))
-    scored = boards.scored(known)
+    scored = boards.score_rows(known)
     assert gaps(scored, "ours") == pytest.approx([-0.05, 0.05, 0.5, 5.0])  # the bar of (f/b, 1) failed
     assert scored.filter(pl.col("bar_is") == boards.AT_ORACLE)["bar"].to_list() == [65.0] * 3
 
 
 def test_the_bar_does_not_fail_where_the_plant_is_no_chain(table):
     refused = table.with_columns(status=pl.col("status").str.replace("crashed: E", "refused: no chain"))
-    board = boards.leaderboard(boards.scored(refused))
+    board = boards.leaderboard(boards.score_rows(refused))
     assert board.filter(pl.col("method") == "from_truth")["n"].to_list() == [3]
 
 
 def test_the_leaderboard_by_hand(table):
-    board = boards.leaderboard(boards.scored(table))
+    board = boards.leaderboard(boards.score_rows(table))
     ours, peer, bar = board.to_dicts()
     assert [row["method"] for row in (ours, peer, bar)] == ["ours", "peer", "from_truth"]
     assert (ours["n"], ours["near_0.1"], ours["near_1"]) == (4, 2, 3)
@@ -77,7 +77,7 @@ def test_the_leaderboard_by_hand(table):
 
 
 def test_a_diverged_run_is_a_failure():
-    scored = boards.scored(rows(method=["x", "y"], seed=[0, 0], fit=[-1e9, 50.0]))
+    scored = boards.score_rows(rows(method=["x", "y"], seed=[0, 0], fit=[-1e9, 50.0]))
     assert scored.filter(pl.col("method") == "x")["gap"].to_list() == [np.inf]
     assert boards.leaderboard(scored).filter(pl.col("method") == "x")["crashed"].to_list() == [1]
 
@@ -85,20 +85,20 @@ def test_a_diverged_run_is_a_failure():
 def test_methods_and_records_that_are_not_there_do_not_count(table):
     absent = rows(method=["torch_ss"] * 2, status=["not installed: torch", "no data: download it"], fit=[None, None])
     both = pl.concat([table, absent])
-    assert "torch_ss" not in boards.leaderboard(boards.scored(both))["method"].to_list()
-    assert boards.untried(both)["n"].to_list() == [1, 1]
+    assert "torch_ss" not in boards.leaderboard(boards.score_rows(both))["method"].to_list()
+    assert boards.missing_methods(both)["n"].to_list() == [1, 1]
 
 
 def test_an_empty_table_says_what_to_do(table):
     with pytest.raises(InputError, match="qpal bench run"):
-        boards.scored(table.clear())
+        boards.score_rows(table.clear())
 
 
 def test_a_method_that_tried_a_part_of_the_tasks_is_not_ranked(table):
     part = rows(scenario=["f/a"], seed=[0], method=["easy"], fit=[99.0])
-    board = boards.leaderboard(boards.scored(pl.concat([table, part])))
+    board = boards.leaderboard(boards.score_rows(pl.concat([table, part])))
     assert board["method"].to_list() == ["ours", "peer", "easy", "from_truth"]
-    assert boards.ranked(board)["method"].to_list() == ["ours", "peer"]
+    assert boards.competitors(board)["method"].to_list() == ["ours", "peer"]
     (winner,) = boards.winners(board, ["ours", "easy"]).to_dicts()
     assert (winner["ours"], winner["peer"]) == ("ours", "peer")
 
@@ -109,18 +109,20 @@ def test_methods_that_are_told_the_structure_count_as_one():
         seed=[0, 0, 0, 1],
         method=["wiener", "wiener", "nlarx", "wiener"],
     )
-    board = boards.leaderboard(boards.scored(told))
+    board = boards.leaderboard(boards.score_rows(told))
     found = {(row["family"], row["method"]): row["n"] for row in board.to_dicts()}
     assert found == {("drawn", boards.OWN): 2, ("drawn", "wiener"): 1, ("drawn-long", boards.OWN): 1}
     assert "--method nlarx --first 4 --seeds 1" in presentation.command("drawn/nlarx", boards.OWN, 4)
-    assert worst_to_draw(boards.scored(told.with_columns(fit=pl.Series([9.0, 9.0, 9.0, 9.0]))), [boards.OWN], 5) == []
-    worse = boards.scored(pl.concat([told, rows(scenario=["drawn/wiener"], method=["m"], fit=[99.0])]))
+    assert (
+        worst_to_draw(boards.score_rows(told.with_columns(fit=pl.Series([9.0, 9.0, 9.0, 9.0]))), [boards.OWN], 5) == []
+    )
+    worse = boards.score_rows(pl.concat([told, rows(scenario=["drawn/wiener"], method=["m"], fit=[99.0])]))
     assert worst_to_draw(worse, [boards.OWN], 5) == [("drawn/wiener", "wiener", 0)]
 
 
 def test_win_and_loss_on_common_tasks_where_a_failure_loses(table):
-    scored = boards.scored(table.filter((pl.col("method") != "peer") | (pl.col("scenario") != "f/a")))
-    found = boards.against(scored, "ours", "peer", "f")
+    scored = boards.score_rows(table.filter((pl.col("method") != "peer") | (pl.col("scenario") != "f/a")))
+    found = boards.compare_methods(scored, "ours", "peer", "f")
     assert (found.wins, found.ties, found.losses) == (1, 0, 1)
 
 
@@ -134,13 +136,13 @@ def test_intervals_count_where_the_model_explains_its_record():
         held=[4, 3, 0],
         width=[0.1, 0.3, 9.0],
     )
-    (row,) = boards.calibration(boards.scored(claims)).to_dicts()
+    (row,) = boards.calibration(boards.score_rows(claims)).to_dicts()
     assert (row["n"], row["intervals"], row["held"], row["others"], row["others_held"]) == (2, 8, 7, 4, 0)
     assert row["width"] == pytest.approx(0.2)
 
 
 def test_profiles_by_hand(table):
-    scored = boards.scored(table)
+    scored = boards.score_rows(table)
     shares = boards.profile(scored, np.array([1.0, 1.05, 2.1]))
     # errors ours 9.95, 20.05, 30.5, 40; peer 20, none, none, 38.5: 40 / 38.5 = 1.039 and 20 / 9.95 = 2.01
     assert shares["ours"].to_list() == [0.75, 1.0, 1.0]
@@ -151,7 +153,7 @@ def test_profiles_by_hand(table):
 
 
 def test_the_worst_seed_of_each_scenario(table):
-    scored = boards.scored(table)
+    scored = boards.score_rows(table)
     per = {(r["scenario"], r["method"]): r["worst_seed"] for r in boards.scenarios(scored).to_dicts()}
     assert (per["f/a", "ours"], per["f/b", "ours"], per["f/a", "peer"], per["f/b", "peer"]) == (1, 1, 1, 0)
     ours = boards.worst(scored, 1).filter(pl.col("method") == "ours").sort("gap")
@@ -160,7 +162,7 @@ def test_the_worst_seed_of_each_scenario(table):
 
 
 def test_words_say_who_is_first_with_numbers(table):
-    scored = boards.scored(table)
+    scored = boards.score_rows(table)
     said = "\n".join(presentation.sentences(scored, boards.leaderboard(scored), ["ours"]))
     assert "f: ours is first. It loses 0.50 points" in said
     assert "over 4 tasks; 50 % of its fits (15 % to 85 %) are within 0.1 point" in said
@@ -168,7 +170,7 @@ def test_words_say_who_is_first_with_numbers(table):
 
 
 def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
-    scored = boards.scored(table.with_columns(pl.col("method").replace({"ours": "peer", "peer": "ours"})))
+    scored = boards.score_rows(table.with_columns(pl.col("method").replace({"ours": "peer", "peer": "ours"})))
     said = "\n".join(presentation.sentences(scored, boards.leaderboard(scored), ["ours"]))
     assert "f: peer is first, which is not of this library" in said
     assert "peer is farthest ahead on f/a, seed 1: 79.95 % against no result" in said
@@ -178,13 +180,13 @@ def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
 
 def test_words_on_intervals_that_hold_too_seldom():
     few = rows(seed=list(range(50)), loss=1.0, noise=1.0, intervals=2, held=1)
-    (said,) = presentation.interval_sentences(boards.scored(few))
+    (said,) = presentation.interval_sentences(boards.score_rows(few))
     assert "m are too narrow: 50 of 100 hold" in said
-    assert not presentation.interval_sentences(boards.scored(few.with_columns(held=pl.Series([2] * 45 + [1] * 5))))
+    assert not presentation.interval_sentences(boards.score_rows(few.with_columns(held=pl.Series([2] * 45 + [1] * 5))))
 
 
 def test_markdown_is_a_table_of_the_board(table):
-    lines = markdown(boards.leaderboard(boards.scored(table))).splitlines()
+    lines = markdown(boards.leaderboard(boards.score_rows(table))).splitlines()
     assert len(lines) == 5
     assert len({line.count("|") for line in lines}) == 1
     assert lines[2].startswith("| ours | 4 | 50 (15 to 85) | 75 (30 to 95) | 0.50 |")

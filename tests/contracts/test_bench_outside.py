@@ -18,9 +18,9 @@ from scipy.signal import lfilter
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
+from sysid.bench.isolation import Environment, FileMethod, peer_folder
 from sysid.bench.method_file import add, load
 from sysid.bench.methods import PEERS, TABLE
-from sysid.bench.outside import Environment, Outside, peer_folder
 from sysid.bench.task import Task, Truth, export
 from sysid.data.record import IOData
 from sysid.structures import hammerstein_wiener
@@ -49,13 +49,13 @@ def given_of(given: Task) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return {name: (t.u[:, 0], t.y[: given.drop, 0]) for name, t in given.tests.items()}
 
 
-def written(folder: Path, body: str, name: str = "mine") -> Outside:
+def written(folder: Path, body: str, name: str = "mine") -> FileMethod:
     """The method of a file with this text."""
     (folder / f"{name}.py").write_text(textwrap.dedent(body), encoding="utf-8")
     return load(folder / f"{name}.py")
 
 
-def solve(method: Outside, seconds: float = 30.0, given: Task | None = None):
+def solve(method: FileMethod, seconds: float = 30.0, given: Task | None = None):
     given = given or task()
     return method.solve(given, given_of(given), seconds, 3)
 
@@ -259,7 +259,7 @@ def test_what_a_file_says_about_itself(tmp_path):
     head = '"""First line.\n\nMore."""\nREQUIREMENTS: list[str] = ["tiny-thing[all]>=0.5", "numpy"]\n'
     method = written(tmp_path, head + "PIP_OPTIONS = ('--pre',)\ndef fit(data, more=1): ...\n")
     path = str((tmp_path / "mine.py").resolve())
-    assert method == Outside("mine", "First line", path, ("tiny-thing[all]>=0.5", "numpy"), "tiny-thing", ("--pre",))
+    assert method == FileMethod("mine", "First line", path, ("tiny-thing[all]>=0.5", "numpy"), "tiny-thing", ("--pre",))
     assert written(tmp_path, "PACKAGE = 'other'\ndef fit(data): ...\n").package == "other"
     assert pickle.loads(pickle.dumps(method)) == method
 

@@ -8,9 +8,7 @@ import pytest
 
 from sysid.base.errors import InputError
 from twin.bench import TABLE
-from twin.bench.joints import ALONE, KINDS, Joints, left_out
-from twin.bench.legs import Legs
-from twin.bench.mismatch import Mismatch
+from twin.bench.families import ALONE, KINDS, Joints, Legs, Mismatch, left_out
 from twin.hardware.linkage import end_angles
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters

@@ -76,7 +76,7 @@ def test_pendulum_twin_beats_every_chain_on_the_held_out_logs(records):
     train = [(f"{kp} {name}", data) for kp, name, data in logs if kp != HELD_OUT]
     tests = [(name, data) for kp, name, data in logs if kp == HELD_OUT]
     assert (len(train), len(tests)) == (12, 4)
-    best, _ = servo.calibrated(train, draws=0)
+    best, _ = servo.calibrate_pendulum(train, draws=0)
     assert servo.rms(servo.errors(servo.of_pendulum(best), tests)) < 0.060
     assert best.no_load_speed == pytest.approx(servo.FIRST.no_load_speed, rel=0.1)
     assert best.stall_torque == pytest.approx(servo.FIRST.stall_torque, rel=0.1)
@@ -87,7 +87,7 @@ def test_servo_from_goal_to_angle_beats_every_model_from_volts(records):
     servo = pytest.importorskip("servo_goal")
     train, tests = servo.split(records / "bam_xl330")
     assert (len(train.lengths), len(tests)) == (12, 4)
-    fits = {name: servo.fitted(train, **options) for name, options in list(servo.MODELS.items())[2:]}
+    fits = {name: servo.fit_loop(train, **options) for name, options in list(servo.MODELS.items())[2:]}
     best = min(fits, key=lambda name: fits[name].criteria.bic)
     error = np.concatenate(servo.errors(fits[best], tests))
     assert best == "and Stribeck friction"

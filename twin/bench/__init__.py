@@ -1,8 +1,6 @@
-"""Families of benchmark scenarios on the leg: one file each, and one line in `TABLE`; see `sysid.bench`."""
+"""Families of benchmark scenarios on the leg, and one line each in `TABLE`; see `sysid.bench`."""
 
 from sysid.bench.task import Family
-from twin.bench.joints import Joints
-from twin.bench.legs import Legs
-from twin.bench.mismatch import Mismatch
+from twin.bench.families import Joints, Legs, Mismatch
 
 TABLE: dict[str, Family] = {family.name: family for family in (Joints(), Legs(), Mismatch())}

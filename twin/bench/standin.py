@@ -38,17 +38,17 @@ COMMON: dict[str, tuple[Any, ...]] = {
 }
 
 
-def hidden(joint: str, seed: int) -> Parameters:
+def draw_parameters(joint: str, seed: int) -> Parameters:
     """Parameters of the stand-in `seed`, drawn over `RANGES` and `COMMON`."""
     rng, nominal = np.random.default_rng([seed, 77, JOINTS.index(joint)]), Parameters()
-    drawn = {}
+    values = {}
     for short, (low, high, *kind) in {**RANGES, **COMMON}.items():
-        at = rng.uniform(low, high)
+        change = rng.uniform(low, high)
         name = f"{joint}.{short}" if f"{joint}.{short}" in nominal.values else short
         if name in nominal.values:
-            drawn[name] = nominal[name] + at if kind else nominal[name] * at
-    drawn["delay"] = round(drawn["delay"], 2)  # whole periods of the board
-    return nominal.replace(drawn)
+            values[name] = nominal[name] + change if kind else nominal[name] * change
+    values["delay"] = round(values["delay"], 2)  # whole periods of the board
+    return nominal.replace(values)
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class StandIn:
     parameters: Parameters = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", hidden(self.joint, self.seed))
+        object.__setattr__(self, "parameters", draw_parameters(self.joint, self.seed))
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -83,11 +83,11 @@ class StandIn:
         )
         u = np.round(experiment.commands() / 12.0 * DUTY) / DUTY * 12.0
         run = experiment.prepare(u=u)
-        shown = step([run], TS, SETTLE)[0]
+        slots_of_run = step([run], TS, SETTLE)[0]
         if not self.same:
-            shown = shown.copy()
-            shown[:, :, slots.READING] += self._track(shown[:, :, slots.READING])
-        return replace(experiment.record(run, shown), meta={})
+            slots_of_run = slots_of_run.copy()
+            slots_of_run[:, :, slots.READING] += self._track(slots_of_run[:, :, slots.READING])
+        return replace(experiment.record(run, slots_of_run), meta={})
 
     def _track(self, angle: np.ndarray) -> np.ndarray:
         """A second deviation of the potentiometer's track, of another shape than the twin can have [rad]."""

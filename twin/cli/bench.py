@@ -259,7 +259,7 @@ def install(
     name: Annotated[list[str], typer.Argument(metavar="NAME|FILE.py...", help="methods of others, or files; or peers")],
 ) -> None:
     """Make the environments of methods of other people; `peers` stands for all of them."""
-    from sysid.bench.outside import Outside
+    from sysid.bench.isolation import FileMethod
     from sysid.bench.suites import PEERS
 
     methods = all_methods()
@@ -267,11 +267,11 @@ def install(
     for key in names:
         if key != PEERS and key not in methods:
             raise unknown("method", key, methods)
-    keys = [key for key in methods if isinstance(methods[key], Outside)] if PEERS in names else names
+    keys = [key for key in methods if isinstance(methods[key], FileMethod)] if PEERS in names else names
     n_failures = 0
     for key in keys:
         method = methods[key]
-        if not isinstance(method, Outside):
+        if not isinstance(method, FileMethod):
             print(f"{key} needs no environment: it is part of qpal.")
             continue
         try:

@@ -17,7 +17,7 @@ from sysid.report.page import Grid, Picture, Section
 from sysid.workflow.results import Evaluation
 from twin.studies import ablation
 from twin.studies.ablation import DIVERGES, Ablation, Row
-from twin.studies.beyond import NEAR, RECORDS, Recovered, Trial
+from twin.studies.beyond import NEAR, RECORDS, RecoveredValue, Trial
 from twin.studies.protocol import JointResult, ProtocolResult
 
 if TYPE_CHECKING:
@@ -171,7 +171,7 @@ def recovery(result: ProtocolResult) -> Sheet:
     return figure
 
 
-def _dot(ax: Axes, value: Recovered, estimate: JointValue, row: float, mark: str, colour: str) -> None:
+def _dot(ax: Axes, value: RecoveredValue, estimate: JointValue, row: float, mark: str, colour: str) -> None:
     """A recovered value with its interval, in aims from the truth."""
     true = value.true
 

@@ -15,10 +15,10 @@ from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.saved import UNFIT
 from twin.fragment import Check
-from twin.studies.write_back import CLOSE, Written
+from twin.studies.write_back import CLOSE, WrittenModel
 
 
-def page(result: Written) -> Page:
+def page(result: WrittenModel) -> Page:
     """The report on one export."""
     source = "the record's input" if result.source.recorded else "a drawn input"
     run = f"Free run of the fit under {source}: the exported code computes this output."
@@ -37,17 +37,17 @@ def page(result: Written) -> Page:
     return Page("Export", f"Made from {result.source.said}", sentences(result), sections, versions())
 
 
-def tables(result: Written) -> list[Grid]:
+def tables(result: WrittenModel) -> list[Grid]:
     """The files."""
     return [Grid(("file", "what it is"), result.files, text_columns=2)]
 
 
-def sentences(result: Written) -> list[str]:
+def sentences(result: WrittenModel) -> list[str]:
     """Warnings of the fit, levels of the files, the linear model, what the check found, what the elements lack."""
     return [*_warnings(result), *_levels(result), *_linear(result), *_check_sentences(result)]
 
 
-def _warnings(result: Written) -> list[str]:
+def _warnings(result: WrittenModel) -> list[str]:
     """What the saved fit says against itself, the gravest first."""
     warnings = sorted(result.source.fit.warnings, key=lambda text: not text.startswith(UNFIT))
     return [
@@ -56,7 +56,7 @@ def _warnings(result: Written) -> list[str]:
     ]
 
 
-def _levels(result: Written) -> list[str]:
+def _levels(result: WrittenModel) -> list[str]:
     """Which levels of input and output the files have, as a sentence or none."""
     fit = result.source.fit
     if all(name.endswith(".xml") for name, _ in result.files):
@@ -72,7 +72,7 @@ def _levels(result: Written) -> list[str]:
     return [f"The files take and give raw values: they take {u0} off the input and add {y0} to the output."]
 
 
-def _linear(result: Written) -> list[str]:
+def _linear(result: WrittenModel) -> list[str]:
     t = result.tangent
     if t is None:
         return []
@@ -84,7 +84,7 @@ def _linear(result: Written) -> list[str]:
     ]
 
 
-def _check_sentences(result: Written) -> list[str]:
+def _check_sentences(result: WrittenModel) -> list[str]:
     """How close the elements come to the fit in MuJoCo, and what they lack."""
     if result.fragment is None or result.check is None:
         return []
@@ -109,7 +109,7 @@ def _check_sentences(result: Written) -> list[str]:
     return texts
 
 
-def free_run_figure(result: Written) -> Figure:
+def free_run_figure(result: WrittenModel) -> Figure:
     """Input and output of the fit, a panel for each channel."""
     data, fit = result.source.data, result.source.fit
     # A drawn record holds its own free run.

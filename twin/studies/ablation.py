@@ -21,7 +21,7 @@ from sysid.workflow.setting import Setting
 from twin.experiment import Experiment, run_all
 from twin.imperfections import IMPERFECTIONS
 from twin.log import Log
-from twin.studies.beyond import Beyond, Trial, ceiling
+from twin.studies.beyond import JointTrials, Trial, ceiling
 
 STEPS = 4  # what `run` announces
 SHARED = tuple(name for name in IMPERFECTIONS if name != "contact")  # a bench leg hangs in the air
@@ -38,7 +38,7 @@ def _motor(chain: Chain, hold: dict[str, float], **options: Any) -> Chain:
     return sub(chain, tuple(replace(b, **options) if isinstance(b, Motor) else b for b in chain.blocks), hold)
 
 
-def _straight(chain: Chain) -> Chain:
+def _straight_linkage(chain: Chain) -> Chain:
     return replace(chain, blocks=tuple(replace(b, knots=2) if isinstance(b, TravelMap) else b for b in chain.blocks))
 
 
@@ -56,7 +56,7 @@ PARTS: dict[str, Callable[[Chain], Chain]] = {
     "jam": lambda chain: _motor(chain, {}, jams=False),
     "lag": lambda chain: _motor(chain, {"motor.lag": LEAST_LAG}),
     "delay": lambda chain: _motor(chain, {}, delayed=False),
-    "linkage (straight line)": _straight,
+    "linkage (straight line)": _straight_linkage,
     "play": lambda chain: _drop(chain, Play, CoastingPlay),
     "driver's steps": lambda chain: _drop(chain, Quantiser),
 }
@@ -121,67 +121,67 @@ class Ablation:
 
 
 def run(
-    beyond: Beyond, setting: Setting, announce: Callable[[str], None] = lambda name: None, threads: int = 2
+    study: JointTrials, setting: Setting, announce: Callable[[str], None] = lambda name: None, threads: int = 2
 ) -> tuple[Ablation, ...]:
     """Both ablations on both records of a joint; `setting` is the paper's."""
-    found = []
-    for trial in beyond.trials:
-        announce(f"{beyond.joint}: actuated joint with parts left out, {trial.record}")
+    ablations = []
+    for trial in study.trials:
+        announce(f"{study.joint}: actuated joint with parts left out, {trial.record}")
         joint = tuple(without_parts(trial))
-        announce(f"{beyond.joint}: twin with imperfections left out, {trial.record}")
-        paper = tuple(without_imperfections(beyond.joint, trial, setting, threads))
-        found.append(
-            Ablation(beyond.joint, trial.record, trial.joint.validation_fit, joint, trial.paper.validation_fit, paper)
+        announce(f"{study.joint}: twin with imperfections left out, {trial.record}")
+        paper = tuple(without_imperfections(study.joint, trial, setting, threads))
+        ablations.append(
+            Ablation(study.joint, trial.record, trial.joint.validation_fit, joint, trial.paper.validation_fit, paper)
         )
-    return tuple(found)
+    return tuple(ablations)
 
 
 def without_parts(trial: Trial) -> list[Row]:
     """The actuated joint fitted again without each of its parts, on the record of the trial."""
-    e, whole = trial.joint, trial.joint.fit
-    assert isinstance(whole, Fit)
+    e, complete = trial.joint, trial.joint.fit
+    assert isinstance(complete, Fit)
     rows = []
     for part, drop in PARTS.items():
-        chain = drop(whole.model)
-        if chain == whole.model:
+        chain = drop(complete.model)
+        if chain == complete.model:
             rows.append(Row(part, None, reason="the joint grew without it"))
             continue
         fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
         with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may overflow
-            left = fit.fit_percent(e.validation)
-        rows.append(Row(part, left) if left > LEAST else Row(part, None, reason=DIVERGES))
-    rows.insert(3, Row(ALIKE, _alike(whole, e.estimation).fit_percent(e.validation)))
+            percent = fit.fit_percent(e.validation)
+        rows.append(Row(part, percent) if percent > LEAST else Row(part, None, reason=DIVERGES))
+    rows.insert(3, Row(ALIKE, _alike(complete, e.estimation).fit_percent(e.validation)))
     return rows
 
 
-def _alike(whole: Fit, data: IOData) -> Fit:
+def _alike(complete: Fit, data: IOData) -> Fit:
     """The joint without a load and with one dry friction for both directions, found along a line of its values."""
-    parameters = {p.name: p.value for p in whole.parameters}
+    parameters = {p.name: p.value for p in complete.parameters}
     middle = 0.5 * (parameters["motor.rise"] + parameters["motor.fall"])
 
-    def held(friction: float, starts: int) -> Fit:
+    def fit_with(friction: float, starts: int) -> Fit:
         hold = dict.fromkeys(("motor.rise", "motor.fall"), friction)
-        return sysid.fit(_motor(whole.model, hold, load=0, loss=False), data, starts=starts)
+        return sysid.fit(_motor(complete.model, hold, load=0, loss=False), data, starts=starts)
 
     best = minimize_scalar(
-        lambda friction: held(friction, 1).criteria.loss,
+        lambda friction: fit_with(friction, 1).criteria.loss,
         bounds=(0.0, 2.0 * middle + 1e-3),
         method="bounded",
         options={"maxiter": 12},
     )
-    return held(float(best.x), 3)
+    return fit_with(float(best.x), 3)
 
 
 def without_imperfections(joint: str, trial: Trial, setting: Setting, threads: int = 2) -> list[Row]:
     """The paper's structure fitted to the twin without each imperfection, under the trial's own excitation."""
     cases = {**{name: (name,) for name in SHARED}, BARE: ALL_BUT_STOPS}
-    whole = experiment(trial.log)
+    complete = experiment(trial.log)
     logs: dict[str, Log] = {}
     for play in (
         True,
         False,
     ):  # without backlash the model has one joint less, and parallel runs must have equal models
-        group = {name: replace(whole, without=w) for name, w in cases.items() if play == ("backlash" not in w)}
+        group = {name: replace(complete, without=w) for name, w in cases.items() if play == ("backlash" not in w)}
         if group:
             logs |= dict(zip(group, run_all(list(group.values()), threads), strict=True))
     return [_paper_row(name, logs[name], setting) for name in cases]
@@ -207,7 +207,7 @@ def _paper_row(name: str, log: Log, setting: Setting) -> Row:
         fit = sysid.fit(model, estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
     except InputError as error:  # without friction or stops a joint may leave any reasonable range
         return Row(name, None, reason=str(error))
-    most = ceiling(log, slice(estimation.N + fit.n_init, None))
-    if most < LEFT:
-        return Row(name, None, most, "the joint leaves the potentiometer's range")
-    return Row(name, fit.fit_percent(validation), most)
+    best_percent = ceiling(log, slice(estimation.N + fit.n_init, None))
+    if best_percent < LEFT:
+        return Row(name, None, best_percent, "the joint leaves the potentiometer's range")
+    return Row(name, fit.fit_percent(validation), best_percent)

@@ -66,7 +66,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Recovered:
+class RecoveredValue:
     """One physical value in SI units: the truth, the values from each record by name, and the accepted error."""
 
     name: str
@@ -77,17 +77,17 @@ class Recovered:
 
     def as_dict(self) -> dict[str, Any]:
         """The value, ready for JSON."""
-        found = {record: [v.value, v.low, v.high] for record, v in self.found.items()}
-        return {"unit": self.unit, "truth": self.true, "aim": self.aim, **found}
+        values = {record: [v.value, v.low, v.high] for record, v in self.found.items()}
+        return {"unit": self.unit, "truth": self.true, "aim": self.aim, **values}
 
 
 @dataclass(frozen=True)
-class Beyond:
+class JointTrials:
     """One joint: its two trials and the recovered physical values."""
 
     joint: str
     trials: tuple[Trial, ...]
-    recovered: tuple[Recovered, ...]
+    recovered: tuple[RecoveredValue, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """The joint, ready for JSON."""
@@ -105,7 +105,7 @@ def run(
     seed: int,
     duration: float,
     announce: Callable[[str], None] = lambda name: None,
-) -> Beyond:
+) -> JointTrials:
     """Both trials of `joint`; `sweep` is the paper's record, and `final` the model of `setting` fitted to it."""
     announce(f"{joint}: actuated joint on the sweep")
     trials = [_trial("sweep", sweep, final)]
@@ -115,7 +115,7 @@ def run(
     paper = evaluate(setting, *quick_start(log.io()))
     announce(f"{joint}: actuated joint on it")
     trials.append(_trial("drawn sweep", log, paper))
-    return Beyond(joint, tuple(trials), recovered(twin_truth(joint, sweep.Ts), trials))
+    return JointTrials(joint, tuple(trials), recovered_values(twin_truth(joint, sweep.Ts), trials))
 
 
 def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
@@ -129,10 +129,10 @@ def irregular(joint: str, seed: int, duration: float, Ts: float) -> Log:
     return Experiment(joint, "sweep", duration, Ts, seed, options=options).run()
 
 
-def ceiling(log: Log, scored: slice) -> float:
+def ceiling(log: Log, samples: slice) -> float:
     """Fit [%] of the noise-free output against the measured one: no model can be expected to do better."""
     assert log.y_true is not None
-    return fit_percent(log.y[scored], log.y_true[scored])
+    return fit_percent(log.y[samples], log.y_true[samples])
 
 
 def _trial(record: str, log: Log, paper: Evaluation) -> Trial:
@@ -185,14 +185,14 @@ def aim(name: str, true: float, Ts: float) -> float:
     return abs(true) * (0.02 if name == "speed_per_volt" else 0.1)
 
 
-def recovered(true: Mapping[str, float], trials: list[Trial]) -> tuple[Recovered, ...]:
+def recovered_values(true: Mapping[str, float], trials: list[Trial]) -> tuple[RecoveredValue, ...]:
     """The physical values of every trial and the truth; a value that a record does not determine may be missing.
 
     Moving friction is left out: it stands for a break-away that is not determined, and is the friction in motion.
     """
     Ts, rows = trials[0].log.Ts, []
-    for name, known in true.items():
-        found = {t.record: value for t in trials for value in t.joint.values if value.name == name}
+    for name, true_value in true.items():
+        values = {t.record: value for t in trials for value in t.joint.values if value.name == name}
         if not name.startswith("moving_friction"):
-            rows.append(Recovered(name, UNITS[name], known, aim(name, known, Ts), found))
+            rows.append(RecoveredValue(name, UNITS[name], true_value, aim(name, true_value, Ts), values))
     return tuple(rows)

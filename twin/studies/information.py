@@ -104,10 +104,10 @@ class Information:
 
     def groups(self) -> dict[str, tuple[Value, ...]]:
         """The values by joint; shared values come first, under an empty name."""
-        found: dict[str, list[Value]] = {"": []}
+        by_joint: dict[str, list[Value]] = {"": []}
         for v in self.values:
-            found.setdefault(v.row.name.rpartition(".")[0], []).append(v)
-        return {name: tuple(group) for name, group in found.items() if group}
+            by_joint.setdefault(v.row.name.rpartition(".")[0], []).append(v)
+        return {name: tuple(group) for name, group in by_joint.items() if group}
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal info`, ready for JSON."""
@@ -133,8 +133,8 @@ def inform(
         check_joint(joint)
     names = JOINTS if joint is None else (joint,)
     joints = tuple(_joint(name, Ts, p) for name in names)
-    others = tuple(f"{name}." for name in JOINTS if name not in names)
-    values = tuple(Value(row, p[row.name]) for row in TABLE if not row.name.startswith(others))
+    prefixes = tuple(f"{name}." for name in JOINTS if name not in names)
+    values = tuple(Value(row, p[row.name]) for row in TABLE if not row.name.startswith(prefixes))
     return Information(values, joints, Ts, p["supply_voltage"], source)
 
 
@@ -185,9 +185,9 @@ def steady_command(truth: Truth, v: np.ndarray, parameters: Parameters) -> np.nd
     p, joint = parameters, truth.joint
     constants, board, dry = motor(p, joint), drive(p, joint), dry_friction(p, joint)
     r, way = arm(joint, p), np.sign(v)
-    carried = truth.load + way * p[f"{joint}.bearing_coulomb"] / r + p[f"{joint}.bearing_viscous"] * v / r**2
+    load_force = truth.load + way * p[f"{joint}.bearing_coulomb"] / r + p[f"{joint}.bearing_viscous"] * v / r**2
     coulomb = np.where(v > 0, dry.up, dry.down) * (1 + dry.stribeck * np.exp(-((v / dry.stribeck_speed) ** 2)))
-    force = carried + p[f"{joint}.viscous"] * v + way * (coulomb + dry.load * np.abs(carried))
+    force = load_force + p[f"{joint}.viscous"] * v + way * (coulomb + dry.load * np.abs(load_force))
     emf = constants.constant * constants.gear
     current = force / emf
     volts = constants.resistance * current + emf * v

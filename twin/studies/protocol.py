@@ -23,7 +23,7 @@ from sysid.workflow.setting import Setting
 from twin.log import Log
 from twin.studies import ablation, beyond
 from twin.studies.ablation import Ablation
-from twin.studies.beyond import Beyond
+from twin.studies.beyond import JointTrials
 from twin.truth import Truth
 
 TS = 0.1  # [s]
@@ -96,7 +96,7 @@ class JointResult:
     default: Evaluation
     final: Evaluation
     ceiling: float
-    beyond: Beyond
+    beyond: JointTrials
     ablation: tuple[Ablation, ...] = ()
 
     @property
@@ -126,20 +126,20 @@ class ProtocolResult:
     @property
     def checks(self) -> tuple[Check, ...]:
         """Statements that must hold in every run."""
-        found = []
+        results = []
         for r in self.joints:
             for name, e in (("default", r.default), ("final", r.final)):
                 largest = float(np.max(np.abs(e.poles), initial=0.0))
                 statement = f"{r.joint}: poles of the {name} model inside the unit circle"
-                found.append(Check(statement, f"largest |z| {largest:.6f}", e.stable))
-            found.append(
+                results.append(Check(statement, f"largest |z| {largest:.6f}", e.stable))
+            results.append(
                 Check(
                     f"{r.joint}: poles of the compiled twin equal the closed form within {TRUTH_TOLERANCE:g}",
                     f"largest distance {r.truth_error:.1e}",
                     r.truth_error <= TRUTH_TOLERANCE,
                 )
             )
-        return tuple(found)
+        return tuple(results)
 
     @property
     def holds(self) -> bool:

@@ -42,7 +42,7 @@ class Source:
 
 
 @dataclass(frozen=True)
-class Written:
+class WrittenModel:
     """What was written: file names with what they are, the fragment with its check, and the model it was put into."""
 
     source: Source
@@ -60,9 +60,9 @@ class Written:
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal export`, ready for JSON."""
-        found: dict[str, Any] = {"source": self.source.said, "files": [name for name, _ in self.files]}
+        summary: dict[str, Any] = {"source": self.source.said, "files": [name for name, _ in self.files]}
         if self.fragment is not None and self.check is not None:
-            found |= {
+            summary |= {
                 "mjcf": self.fragment.model(),
                 "left_out": list(self.fragment.left_out),
                 "difference_rms_percent_of_stroke": 100 * self.check.share,
@@ -70,9 +70,9 @@ class Written:
                 "into": self.into,
             }
         if self.tangent is not None:
-            found["tangent"] = self.tangent.as_dict()
-        found["warnings"] = list(self.source.fit.warnings)
-        return found | {"offsets": _offsets(self.source.fit), "versions": versions()}
+            summary["tangent"] = self.tangent.as_dict()
+        summary["warnings"] = list(self.source.fit.warnings)
+        return summary | {"offsets": _offsets(self.source.fit), "versions": versions()}
 
 
 def _offsets(fit: Fit | NlarxFit) -> dict[str, list[float]] | None:
@@ -100,32 +100,32 @@ def read_model(
     except InputError as error:
         if not fitted or not Path(path).exists():
             raise
-        refused = error
+        load_error = error
     else:
-        return Source(fit, _drawn(fit), f"the fit in {path}")
+        return Source(fit, _drive_record(fit), f"the fit in {path}")
     try:
         data = read_record(path, input, output, Ts, time, mapping).data
     except InputError as error:
         if Path(path).suffix.lower() == ".json":
-            raise InputError(f"{path} is neither a saved fit ({refused}) nor a log ({error})") from None
+            raise InputError(f"{path} is neither a saved fit ({load_error}) nor a log ({error})") from None
         raise
     return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
 
 
-def _drawn(fit: Fit | NlarxFit) -> IOData:
+def _drive_record(fit: Fit | NlarxFit) -> IOData:
     """A drawn input, which takes a joint across its stroke many times, and the fit's free run."""
     was = fit.origin
-    named = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
+    names = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
     if isinstance(fit, NlarxFit) or not is_joint(fit.model):
         low, high = fit.u_span if fit.u_span[1] > fit.u_span[0] else (-1.0, 1.0)
         n_in = 1 if isinstance(fit, NlarxFit) else fit.model.channels[0]
         u = np.repeat(np.random.default_rng(0).uniform(low, high, (12, n_in)), 20, axis=0)
         y = fit.simulate(u).reshape(len(u), -1)
         u0, y0 = (0.0 if offset is None else offset for offset in (fit.u_offset, fit.y_offset))
-        return IOData(u + u0, np.where(np.isfinite(y), y, 0.0) + y0, fit.Ts, **named)
+        return IOData(u + u0, np.where(np.isfinite(y), y, 0.0) + y0, fit.Ts, **names)
     motor = motor_of(fit.model)
-    own = fit.model.part(fit.theta, motor)
-    value = {name: motor.value(own, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
+    motor_values = fit.model.part(fit.theta, motor)
+    value = {name: motor.value(motor_values, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
     stroke = value["upper"] - value["lower"]
     if not np.isfinite(stroke):  # a joint without stops, or with one
         stroke = 1.0
@@ -135,7 +135,7 @@ def _drawn(fit: Fit | NlarxFit) -> IOData:
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
     run = fit.model.simulate(fit.theta, u[:, None]).ravel()
     stay = len(u) if motor.stops is True else max(_stay(run, _span(fit)), 2)
-    return IOData(u[:stay], run[:stay], fit.Ts, **named)
+    return IOData(u[:stay], run[:stay], fit.Ts, **names)
 
 
 def _span(fit: Fit) -> float:
@@ -146,25 +146,25 @@ def _span(fit: Fit) -> float:
 
 def _stay(y: np.ndarray, span: float) -> int:
     """Samples before a joint that nothing stops has gone its whole way from where it began, or is lost."""
-    left = ~(np.abs(y - y[0]) < span)
-    return int(np.argmax(left)) if left.any() else len(y)
+    beyond_span = ~(np.abs(y - y[0]) < span)
+    return int(np.argmax(beyond_span)) if beyond_span.any() else len(y)
 
 
 WAYS = ("c", "python", "matlab", "control", "mjcf")
 
 
-def _check_ways(source: Source, asked: Sequence[str], name: str, at: float | None) -> None:
+def _check_ways(source: Source, ways: Sequence[str], name: str, at: float | None) -> None:
     """Raises InputError, with the reason and with the ways that are possible, before any file is written."""
-    reasons = {way: _refused(source, way, name, at) for way in asked}
+    reasons = {way: _refusal(source, way, name, at) for way in ways}
     if not any(reasons.values()):
         return
-    reasons |= {way: _refused(source, way, name, None) for way in WAYS if way not in reasons}
-    told = "; ".join(f"--{way}: {reasons[way]}" for way in asked if reasons[way])
+    reasons |= {way: _refusal(source, way, name, None) for way in WAYS if way not in reasons}
+    sentence = "; ".join(f"--{way}: {reasons[way]}" for way in ways if reasons[way])
     fine = [f"--{way}" for way in WAYS if not reasons[way]]
-    raise InputError(f"{told} (nothing is written; possible: {', '.join(fine)})" if fine else told)
+    raise InputError(f"{sentence} (nothing is written; possible: {', '.join(fine)})" if fine else sentence)
 
 
-def _refused(source: Source, way: str, name: str, at: float | None) -> str:
+def _refusal(source: Source, way: str, name: str, at: float | None) -> str:
     """Why the fit cannot be written in this way; empty if it can."""
     fit = source.fit
     try:
@@ -207,7 +207,7 @@ def write_back(
     into: Path | None,
     folder: Path,
     at: float | None = None,
-) -> Written:
+) -> WrittenModel:
     """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python", "matlab", "control"); see `sysid.export`.
 
     `at` is the input of the linear model, see `sysid.linear.linearize`.
@@ -228,16 +228,16 @@ def write_back(
         write_text(folder / f"{name}_control.py", linearize.tangent_source(tangent, fit.model.structure))
         files.append((f"{name}_control.py", "the linear model at an operating point, as a control.TransferFunction"))
     if "mjcf" not in ways:
-        return Written(source, tuple(files), tangent=tangent)
+        return WrittenModel(source, tuple(files), tangent=tangent)
     assert isinstance(fit, Fit)
     fragment = mjcf.fragment(fit, name, scale, link_inertia)
     write_text(folder / f"{name}.xml", fragment.model())
     files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
     if into is not None:
-        made = folder / into.name if into.name != f"{name}.xml" else folder / f"with-{into.name}"
-        write_text(made, put_into(fragment, into))
-        files.append((made.name, f"{into.name} with the joint put in"))
-    checked = check(mjcf.fragment(fit, name, scale), fit, source.data)
-    return Written(
-        source, tuple(files), fragment, checked, None if into is None else str(into), torque_per_volt, tangent
+        model_path = folder / into.name if into.name != f"{name}.xml" else folder / f"with-{into.name}"
+        write_text(model_path, put_into(fragment, into))
+        files.append((model_path.name, f"{into.name} with the joint put in"))
+    fragment_check = check(mjcf.fragment(fit, name, scale), fit, source.data)
+    return WrittenModel(
+        source, tuple(files), fragment, fragment_check, None if into is None else str(into), torque_per_volt, tangent
     )

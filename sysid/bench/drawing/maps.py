@@ -34,7 +34,7 @@ def dead_zone_saturation(rng: np.random.Generator) -> Drawn:
     return DeadZoneSaturation(), np.array([-inner[0] - outer[0], -inner[0], inner[1], inner[1] + outer[1], *gains])
 
 
-def kinked(rng: np.random.Generator) -> Drawn:
+def four_kinks(rng: np.random.Generator) -> Drawn:
     """Rising line with three kinks; slopes differ by up to a factor of ten."""
     return _line(rng, np.sort(rng.uniform(-1.5, 1.5, 4)), 10 ** rng.uniform(-0.7, 0.3, 3))
 
@@ -46,15 +46,15 @@ def rough(rng: np.random.Generator) -> Drawn:
 
 def step(rng: np.random.Generator) -> Drawn:
     """A slope that jumps by a factor of ten to forty over a short stretch."""
-    at, width = rng.uniform(-0.5, 0.5), rng.uniform(0.03, 0.1)
+    centre, width = rng.uniform(-0.5, 0.5), rng.uniform(0.03, 0.1)
     slopes = np.array([0.4, rng.uniform(4.0, 16.0), 0.4])
-    return _line(rng, np.array([-2.0, at - width, at + width, 2.0]), slopes)
+    return _line(rng, np.array([-2.0, centre - width, centre + width, 2.0]), slopes)
 
 
 def folding(rng: np.random.Generator) -> Drawn:
     """Falls, then rises: two inputs give one output."""
-    at = np.array([-2.0, rng.uniform(-0.6, 0.6), 2.0])
-    return _line(rng, at, np.array([-rng.uniform(0.4, 1.5), rng.uniform(0.4, 1.5)]))
+    knots = np.array([-2.0, rng.uniform(-0.6, 0.6), 2.0])
+    return _line(rng, knots, np.array([-rng.uniform(0.4, 1.5), rng.uniform(0.4, 1.5)]))
 
 
 def parabola(rng: np.random.Generator) -> Drawn:
@@ -84,13 +84,13 @@ def smooth(rng: np.random.Generator) -> Drawn:
 MAPS: dict[str, Callable[[np.random.Generator], Drawn]] = {
     each.__name__: each
     for each in (
-        saturation, dead_zone, dead_zone_saturation, kinked, rough, step, folding, parabola, cubic, sigmoid, smooth
+        saturation, dead_zone, dead_zone_saturation, four_kinks, rough, step, folding, parabola, cubic, sigmoid, smooth
     )
 }  # fmt: skip
 
 
-def _line(rng: np.random.Generator, at: np.ndarray, slopes: np.ndarray) -> Drawn:
+def _line(rng: np.random.Generator, knots: np.ndarray, slopes: np.ndarray) -> Drawn:
     """Straight pieces with these slopes through a random offset at the middle knot; falling in half of the draws."""
-    y = np.concatenate([[0.0], np.cumsum(slopes * np.diff(at))])
-    y = (y - np.interp(0.0, at, y) + rng.uniform(-0.3, 0.3)) * rng.choice([-1.0, 1.0])
-    return PiecewiseLinear(knots=len(at)), np.concatenate([at, y])
+    y = np.concatenate([[0.0], np.cumsum(slopes * np.diff(knots))])
+    y = (y - np.interp(0.0, knots, y) + rng.uniform(-0.3, 0.3)) * rng.choice([-1.0, 1.0])
+    return PiecewiseLinear(knots=len(knots)), np.concatenate([knots, y])

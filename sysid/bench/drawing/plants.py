@@ -69,10 +69,10 @@ class Recursion:
         """Noise-free output (N,) from rest."""
         y1 = y2 = u1 = u2 = 0.0
         out = np.empty(len(u))
-        for t, now in enumerate(u.tolist()):
+        for t, u0 in enumerate(u.tolist()):
             product = self.e * y1 * np.tanh(u1)
             y1, y2 = self.a[0] * y1 + self.a[1] * y2 + self.b * np.tanh(self.c * u1) + self.d * u2 + product, y1
-            u1, u2 = now, u1
+            u1, u2 = u0, u1
             out[t] = y1
         return out
 
@@ -86,8 +86,8 @@ def draw_chain(structure: str, N: int, rng: np.random.Generator) -> Plant:
     for letter, role in zip(letters, ROLES[letters], strict=True):
         if letter == "N":
             name = str(rng.choice(list(MAPS)))
-            drawn, theta = MAPS[name](rng)
-            blocks.append(replace(drawn, role=role))
+            block_map, theta = MAPS[name](rng)
+            blocks.append(replace(block_map, role=role))
             words.append(f"{role} map {name}")
         else:
             block, theta, kind = draw_filter(rng, N, nf, role, nb=orders and orders[0], nk=orders and 0)
@@ -169,6 +169,6 @@ def _pair(kind: str, rng: np.random.Generator, slowest: float) -> np.ndarray:
 def _zeros(rng: np.random.Generator, count: int) -> np.ndarray:
     """Real zeros, or a complex pair; none nearer than 0.1 to z = 1, where the gain would vanish."""
     if count == 2 and rng.random() < 0.5:
-        at = rng.uniform(0.2, 1.3) * np.exp(1j * rng.uniform(0.15, 0.9) * np.pi)
-        return np.array([at, at.conjugate()])
+        zero = rng.uniform(0.2, 1.3) * np.exp(1j * rng.uniform(0.15, 0.9) * np.pi)
+        return np.array([zero, zero.conjugate()])
     return rng.uniform(-1.5, 0.9, count).astype(complex)

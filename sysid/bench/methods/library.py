@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.bench.contract import Data
-from sysid.bench.method import Inside
+from sysid.bench.method import FunctionMethod
 from sysid.bench.task import Task
 from sysid.blocks import Polynomial
 from sysid.data.record import IOData
@@ -107,11 +107,11 @@ def fit_method(
 
     def method(data: Data) -> LibraryModel:
         raw = record(data)
-        centred, zero = (raw, (0.0, 0.0)) if absolute else remove_means(raw)
+        signals, zero = (raw, (0.0, 0.0)) if absolute else remove_means(raw)
         chain = model(*(data.orders or ORDERS))
         usual = 100 if isinstance(chain, Nlarx) else Options().max_iterations
         options = Options(max_iterations=usual, max_seconds=SHARE * data.seconds)
-        return LibraryModel(fit(chain, centred, seed=data.seed, options=options), centred, zero)
+        return LibraryModel(fit(chain, signals, seed=data.seed, options=options), signals, zero)
 
     return method
 
@@ -119,12 +119,12 @@ def fit_method(
 def auto(data: Data) -> LibraryModel:
     """The structure search, on one core; it sees no orders."""
     raw = record(data)
-    centred, zero = remove_means(raw)
-    selection = select(centred, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
+    signals, zero = remove_means(raw)
+    selection = select(signals, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
     words = str(selection.chosen.candidate), selection.cut
     if selection.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
         return LibraryModel(selection.fit, raw, (0.0, 0.0), *words)
-    return LibraryModel(selection.fit, centred, zero, *words)
+    return LibraryModel(selection.fit, signals, zero, *words)
 
 
 def from_truth(data: Data, task: Task) -> LibraryModel:
@@ -137,17 +137,23 @@ def from_truth(data: Data, task: Task) -> LibraryModel:
 
 
 METHODS = (
-    Inside("output_error", "linear output error with a free offset", fit_method(offset_error, absolute=True)),
-    Inside("hammerstein", "Hammerstein, ten free break points", fit_method(hammerstein)),
-    Inside("wiener", "Wiener, ten free break points", fit_method(wiener)),
-    Inside("hammerstein_wiener", "Hammerstein-Wiener, ten free break points a map", fit_method(hammerstein_wiener)),
-    Inside("wiener_hammerstein", "Wiener-Hammerstein, ten free break points", fit_method(wiener_hammerstein)),
-    Inside(
+    FunctionMethod("output_error", "linear output error with a free offset", fit_method(offset_error, absolute=True)),
+    FunctionMethod("hammerstein", "Hammerstein, ten free break points", fit_method(hammerstein)),
+    FunctionMethod("wiener", "Wiener, ten free break points", fit_method(wiener)),
+    FunctionMethod(
+        "hammerstein_wiener", "Hammerstein-Wiener, ten free break points a map", fit_method(hammerstein_wiener)
+    ),
+    FunctionMethod("wiener_hammerstein", "Wiener-Hammerstein, ten free break points", fit_method(wiener_hammerstein)),
+    FunctionMethod(
         "nlarx",
         "nonlinear ARX fitted to its free run",
         fit_method(lambda nb, nf, nk: nlarx(na=nf, nb=nb, nk=nk, focus="simulation")),
     ),
-    Inside("actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint(), absolute=True)),
-    Inside("auto", "structure search without orders", auto),
+    FunctionMethod(
+        "actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint(), absolute=True)
+    ),
+    FunctionMethod("auto", "structure search without orders", auto),
 )
-FROM_TRUTH = Inside("from_truth", "the true structure, begun at the truth: the bar", from_truth, sees_truth=True)
+FROM_TRUTH = FunctionMethod(
+    "from_truth", "the true structure, begun at the truth: the bar", from_truth, sees_truth=True
+)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from sysid.bench.contract import Data
-from sysid.bench.method import Inside, Outcome, Tests
+from sysid.bench.method import FunctionMethod, Outcome, Tests
 from sysid.bench.methods.library import LibraryModel, record
 from sysid.bench.task import Task
 from sysid.blocks import Motor
@@ -36,8 +36,8 @@ SERVO_KNOTS = 9  # an eighth of the stroke each
 
 def emps_motor(train: IOData, seed: int = 0) -> Fit:
     """Inertia, drag, dry friction each way: seven parameters, two of them the held state."""
-    motor, held = Motor(stops=False, delayed=False), held_state(train) | {"motor.load0": 0.0}
-    model = actuated_joint(motor=motor, knots=None, play=False, fixed=held)
+    motor, fixed_state = Motor(stops=False, delayed=False), held_state(train) | {"motor.load0": 0.0}
+    model = actuated_joint(motor=motor, knots=None, play=False, fixed=fixed_state)
     return fit_chain(model, gain_variants(train, EMPS_SHARE), starts=3, seed=seed)
 
 
@@ -45,10 +45,10 @@ def emps_joint(train: IOData, seed: int = 0) -> Fit:
     """A spring, waves of the load and a loss besides, found from the same motor without waves."""
     data = gain_variants(train, EMPS_SHARE)
     low, high = EMPS_WAY
-    bare = Motor(load=2, loss=True, stops=False, delayed=False, at=0.5 * (low + high))
+    plain_motor = Motor(load=2, loss=True, stops=False, delayed=False, at=0.5 * (low + high))
     models = [
         actuated_joint(motor=motor, knots=None, play=False, fixed=held_state(train))
-        for motor in (bare, replace(bare, periodic=EMPS_WAVES, period=high - low))
+        for motor in (plain_motor, replace(plain_motor, periodic=EMPS_WAVES, period=high - low))
     ]
     first = fit_chain(models[0], data, starts=3, seed=seed)
     return fit_chain(models[1], data, start=lift_theta(first.model, first.theta, models[1], {}), seed=seed)
@@ -102,7 +102,7 @@ class OnRecord:
         """See `Method`."""
         if task.given.partition(":")[0] != self.only:
             return Outcome(f"refused: {self.name} is a model of the record real/{self.only} alone; run it there")
-        return Inside(self.name, self.about, self._fit_record).solve(task, tests, seconds, seed)
+        return FunctionMethod(self.name, self.about, self._fit_record).solve(task, tests, seconds, seed)
 
     def _fit_record(self, data: Data) -> LibraryModel:
         train = record(data)

@@ -30,10 +30,10 @@ HELD_OUT = 400  # gain of the servo's position loop whose logs are the test
 def ced(folder: Path) -> Task:
     """Coupled electric drives: a motor's voltage to the belt's speed, whose sensor is blind to its sign."""
     t = _csv(folder / "ced" / "DATAUNIF.csv")
-    both = [IOData(t[:, k], t[:, k + 2], 0.02) for k in (0, 1)]
+    records = [IOData(t[:, k], t[:, k + 2], 0.02) for k in (0, 1)]
     return Task(
-        IOData.merge(*(record.select(0, 400) for record in both)),
-        {f"test {k}": record.select(400, 500) for k, record in enumerate(both, 1)},
+        IOData.merge(*(record.select(0, 400) for record in records)),
+        {f"test {k}": record.select(400, 500) for k, record in enumerate(records, 1)},
         10,
         "ticks/s",
         (2, 3, 1),
@@ -73,11 +73,11 @@ def cascaded_tanks(folder: Path) -> Task:
 def silverbox(folder: Path) -> Task:
     """A circuit like a mass on a hardening spring (Duffing): volts to volts, here in mV."""
     t = 1e3 * _csv(folder / "silverbox" / "SNLS80mV.csv")[:, :2]
-    whole = IOData(t[:, 0], t[:, 1], 1 / 610.35)
+    record = IOData(t[:, 0], t[:, 1], 1 / 610.35)
     parts = {"multisine": (105712, 127400), "arrow": (100, 40575), "no extrapolation": (100, 32100)}
     return Task(
-        whole.select(40650, 105712),
-        {name: whole.select(*ends) for name, ends in parts.items()},
+        record.select(40650, 105712),
+        {name: record.select(*ends) for name, ends in parts.items()},
         50,
         "mV",
         (3, 2, 0),
@@ -93,9 +93,9 @@ def silverbox(folder: Path) -> Task:
 def hair_dryer(folder: Path) -> Task:
     """Heater voltage to air temperature, as the voltage of a thermocouple; first half and second half."""
     t = _text(folder / "daisy" / "hair_dryer.dat")
-    whole = IOData(t[:, 0], t[:, 1], 0.08)
-    given = "hair_dryer: laboratory hair dryer, binary heater voltage"
-    return Task(whole.select(0, 500), {"second half": whole.select(500, 1000)}, 50, "V", (2, 3, 1), given=given)
+    record = IOData(t[:, 0], t[:, 1], 0.08)
+    description = "hair_dryer: laboratory hair dryer, binary heater voltage"
+    return Task(record.select(0, 500), {"second half": record.select(500, 1000)}, 50, "V", (2, 3, 1), given=description)
 
 
 def robot_arm(folder: Path) -> Task:
@@ -104,9 +104,11 @@ def robot_arm(folder: Path) -> Task:
     Of ten output errors (two to six poles, delay 0 or 1) these orders have the least BIC on the first half.
     """
     t = _text(folder / "daisy" / "robot_arm.dat")
-    whole = IOData(t[:, 0], t[:, 1], 1.0)
-    given = "robot_arm: flexible robot arm under a swept sine; time counts in samples, since the source names no rate"
-    return Task(whole.select(0, 512), {"second half": whole.select(512, 1024)}, 50, "", (6, 6, 1), given=given)
+    record = IOData(t[:, 0], t[:, 1], 1.0)
+    description = (
+        "robot_arm: flexible robot arm under a swept sine; time counts in samples, since the source names no rate"
+    )
+    return Task(record.select(0, 512), {"second half": record.select(512, 1024)}, 50, "", (6, 6, 1), given=description)
 
 
 def bam_xl330(folder: Path) -> Task:
@@ -129,10 +131,10 @@ def servo_logs(folder: Path) -> list[tuple[int, str, IOData]]:
     plant.
     """
     logs = []
-    for log, at in _servo_entries(folder):
-        duty, y = at["load"], at["position"]
-        volts = np.where(duty > 32767.0, duty - 65536.0, duty) / FULL_DUTY * at["input_volts"]  # a signed word
-        t = at["timestamp"]
+    for log, columns in _servo_entries(folder):
+        duty, y = columns["load"], columns["position"]
+        volts = np.where(duty > 32767.0, duty - 65536.0, duty) / FULL_DUTY * columns["input_volts"]  # a signed word
+        t = columns["timestamp"]
         grid = np.arange(t[0], t[-1], SERVO_TS)
         record = IOData(np.interp(grid, t, volts), np.interp(grid, t, y), SERVO_TS)
         logs.append((int(log["kp"]), str(log["trajectory"]), record))
@@ -142,11 +144,11 @@ def servo_logs(folder: Path) -> list[tuple[int, str, IOData]]:
 def servo_goals(folder: Path) -> list[tuple[int, str, IOData]]:
     """The same logs from the goal [rad] and, as a second input, the gain in shares of `HELD_OUT`, to angle [rad]."""
     logs = []
-    for log, at in _servo_entries(folder):
-        t = at["timestamp"]
+    for log, columns in _servo_entries(folder):
+        t = columns["timestamp"]
         grid = np.arange(t[0], t[-1], SERVO_TS)
-        u = np.column_stack([np.interp(grid, t, at["goal_position"]), np.full(len(grid), log["kp"] / HELD_OUT)])
-        record = IOData(u, np.interp(grid, t, at["position"]), SERVO_TS)
+        u = np.column_stack([np.interp(grid, t, columns["goal_position"]), np.full(len(grid), log["kp"] / HELD_OUT)])
+        record = IOData(u, np.interp(grid, t, columns["position"]), SERVO_TS)
         logs.append((int(log["kp"]), str(log["trajectory"]), record))
     return logs
 
@@ -158,8 +160,8 @@ def _servo_entries(folder: Path) -> Iterator[tuple[dict, dict[str, np.ndarray]]]
         raise FileNotFoundError(folder / "*.json")
     for path in paths:
         log = json.loads(path.read_text(encoding="utf-8"))
-        on = np.array([entry["torque_enable"] for entry in log["entries"]], dtype=bool)
-        n = len(on) if on.all() else int(on.argmin())
+        torque_on = np.array([entry["torque_enable"] for entry in log["entries"]], dtype=bool)
+        n = len(torque_on) if torque_on.all() else int(torque_on.argmin())
         keys = ("timestamp", "position", "goal_position", "load", "input_volts")
         yield log, {key: np.array([entry[key] for entry in log["entries"][:n]], dtype=float) for key in keys}
 
@@ -210,7 +212,7 @@ class Real:
             ) from None
 
 
-def _there(path: Path) -> Path:
+def _check_file(path: Path) -> Path:
     if not path.is_file():
         raise FileNotFoundError(path)
     return path
@@ -218,15 +220,15 @@ def _there(path: Path) -> Path:
 
 def _csv(path: Path) -> np.ndarray:
     """The numbers of a CSV with one heading row; a trailing comma makes a last column of nan."""
-    return np.genfromtxt(_there(path), delimiter=",", skip_header=1)
+    return np.genfromtxt(_check_file(path), delimiter=",", skip_header=1)
 
 
 def _text(path: Path) -> np.ndarray:
-    return np.loadtxt(_there(path))
+    return np.loadtxt(_check_file(path))
 
 
 def _mat(path: Path) -> dict[str, np.ndarray]:
     """The vectors (N,) of a MAT file by name."""
     from scipy.io import loadmat
 
-    return {name: np.ravel(value) for name, value in loadmat(_there(path)).items() if not name.startswith("__")}
+    return {name: np.ravel(value) for name, value in loadmat(_check_file(path)).items() if not name.startswith("__")}

@@ -46,7 +46,7 @@ class Record:
     scale: tuple[float, float] = (1.0, 1.0)
 
 
-def drawn(rng: np.random.Generator) -> Plant:
+def draw_plant(rng: np.random.Generator) -> Plant:
     """Two poles, real or a pair, one zero, and a saturation before or behind them, or none."""
     if rng.random() < 0.5:
         poles = rng.uniform(0.5, 0.95, 2).astype(complex)
@@ -56,14 +56,14 @@ def drawn(rng: np.random.Generator) -> Plant:
     f = np.poly(poles).real
     zero = rng.uniform(-0.5, 0.5)
     b = f.sum() / (1.0 + zero) * np.array([1.0, zero])
-    where, low, high = str(rng.choice(MAPS)), *rng.uniform(0.4, 0.8, 2)
+    map_place, low, high = str(rng.choice(MAPS)), *rng.uniform(0.4, 0.8, 2)
     linear = [*b, *f[1:]]
-    chain, own = {
+    chain, values = {
         "none": (output_error(2, 2, 1), linear),
         "input": (hammerstein(2, 2, 1, "saturation"), [-low, high, *linear]),
         "output": (wiener(2, 2, 1, "saturation"), [*linear, -low, high]),
-    }[where]
-    return Plant(chain, _at_rest(chain, own), poles, f"poles {_words(poles)}, saturation: {where}")
+    }[map_place]
+    return Plant(chain, _at_rest(chain, values), poles, f"poles {_words(poles)}, saturation: {map_place}")
 
 
 def record(plant: Plant, rng: np.random.Generator, n: int = N, u: np.ndarray | None = None) -> Record:
@@ -96,11 +96,11 @@ def outliers(plant: Plant, rng: np.random.Generator) -> Record:
 
 def missing(plant: Plant, rng: np.random.Generator) -> Record:
     """A sixth of the outputs was not measured, in gaps of 1 to 20 samples."""
-    good, gone = record(plant, rng), np.zeros(N, dtype=bool)
-    while gone.mean() < 1.0 / 6.0:
+    good, lost = record(plant, rng), np.zeros(N, dtype=bool)
+    while lost.mean() < 1.0 / 6.0:
         k = int(rng.integers(1, N - 21))
-        gone[k : k + int(rng.integers(1, 21))] = True
-    return replace(good, missing=gone, given=f"{gone.sum()} of {N} outputs missing")
+        lost[k : k + int(rng.integers(1, 21))] = True
+    return replace(good, missing=lost, given=f"{lost.sum()} of {N} outputs missing")
 
 
 def drift(plant: Plant, rng: np.random.Generator) -> Record:
@@ -182,14 +182,14 @@ class Stress:
         if scenario not in SPOILT:
             raise unknown(f"scenario of {self.name}", scenario, SPOILT)
         rng = np.random.default_rng([seed, zlib.crc32(scenario.encode())])
-        plant = drawn(rng)
-        spoilt, test = SPOILT[scenario](plant, rng), record(plant, rng)
-        (a, c), clean = spoilt.scale, plant.run(test.u)
-        told = in_units(plant, a, c)
-        truth = Truth({"test": c * clean}, c * spoilt.noise, plant.poles, plant.chain, told)
-        train = IOData(a * spoilt.u, c * spoilt.y, TS, missing=_column(spoilt.missing))
+        plant = draw_plant(rng)
+        estimation, test = SPOILT[scenario](plant, rng), record(plant, rng)
+        (a, c), clean = estimation.scale, plant.run(test.u)
+        theta = in_units(plant, a, c)
+        truth = Truth({"test": c * clean}, c * estimation.noise, plant.poles, plant.chain, theta)
+        train = IOData(a * estimation.u, c * estimation.y, TS, missing=_column(estimation.missing))
         tests = {"test": IOData(a * test.u, c * test.y, TS)}
-        return Task(train, tests, min(DROP, SHORT), "1", (2, 2, 1), truth, given=f"{plant.about}; {spoilt.given}")
+        return Task(train, tests, min(DROP, SHORT), "1", (2, 2, 1), truth, given=f"{plant.about}; {estimation.given}")
 
 
 def in_units(plant: Plant, a: float, c: float) -> np.ndarray:
@@ -203,9 +203,9 @@ def _levels(n: int, rng: np.random.Generator) -> np.ndarray:
     return Aprbs(1.0, hold_min=2 * TS, hold_max=30 * TS).generate(n, TS, rng)
 
 
-def _at_rest(chain: Chain, own: Sequence[float]) -> np.ndarray:
+def _at_rest(chain: Chain, parameters: Sequence[float]) -> np.ndarray:
     """theta (P,) with initial states of 0, from all other parameters in order."""
-    theta, values = np.zeros(len(chain.names)), iter(own)
+    theta, values = np.zeros(len(chain.names)), iter(parameters)
     starts = {f"linear.{slot.name}" for slot in chain.linear.slots() if slot.initial}
     for k, name in enumerate(chain.names):
         if name not in starts:

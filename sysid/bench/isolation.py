@@ -71,9 +71,9 @@ class Environment:
         if not self.requirements:
             return Path(sys.executable)
         if not self._is_current():
-            failed = self.path / FAILED
-            why = f" ({failed.read_text(encoding='utf-8').strip()})" if failed.is_file() else ""
-            raise InputError(f"not installed{why}: run qpal bench install {self.method or self.name}")
+            failure_file = self.path / FAILED
+            reason = f" ({failure_file.read_text(encoding='utf-8').strip()})" if failure_file.is_file() else ""
+            raise InputError(f"not installed{reason}: run qpal bench install {self.method or self.name}")
         return self._interpreter()
 
     def install(self) -> Path:
@@ -128,7 +128,7 @@ class Environment:
 
 
 @dataclass(frozen=True)
-class Outside:
+class FileMethod:
     """The method file at `path`; `requirements` are what pip installs for it, `package` says whose version counts.
 
     `sysid.bench.method_file.load` reads all of this from the file.
@@ -193,11 +193,11 @@ def _wait(process: subprocess.Popen, clock_file: Path, seconds: float) -> tuple[
     """Wait for the end: why it did not come, empty if it did, and seconds since the clock started."""
     start, clock = time.perf_counter(), 0.0
     while process.poll() is None:
-        now = time.perf_counter()
-        clock = clock or (now if clock_file.exists() else 0.0)
-        if clock and now - clock > LIMIT * seconds:
-            return f"stopped after {LIMIT * seconds:.0f} s", now - clock
-        if not clock and now - start > START:
+        moment = time.perf_counter()
+        clock = clock or (moment if clock_file.exists() else 0.0)
+        if clock and moment - clock > LIMIT * seconds:
+            return f"stopped after {LIMIT * seconds:.0f} s", moment - clock
+        if not clock and moment - start > START:
             return f"stopped: its imports took more than {START:.0f} s", float("nan")
         time.sleep(0.02)
     return "", time.perf_counter() - clock if clock else float("nan")
@@ -217,8 +217,8 @@ def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> N
     data = task.data(seconds, seed)
     arrays: dict[str, Any] = {"experiments": len(data.u), "Ts": data.Ts, "seconds": seconds, "seed": data.seed}
     arrays["orders"] = np.array(data.orders or (), dtype=int)
-    for k, each in enumerate(zip(data.u, data.y, data.missing, strict=True)):
-        arrays |= {f"{name}{k}": values for name, values in zip(("u", "y", "missing"), each, strict=True)}
+    for k, experiment in enumerate(zip(data.u, data.y, data.missing, strict=True)):
+        arrays |= {f"{name}{k}": values for name, values in zip(("u", "y", "missing"), experiment, strict=True)}
     arrays["tests"] = len(tests)
     for k, (u, first) in enumerate(tests.values()):
         arrays |= {f"test{k}": u, f"first{k}": first}
@@ -227,12 +227,12 @@ def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> N
 
 def _read(folder: Path, tests: Tests) -> Outcome:
     """The outcome from the files of the worker."""
-    done = json.loads((folder / "done.json").read_text(encoding="utf-8"))
-    if done["status"] != "ok":
-        return Outcome(done["status"][:300])
+    result = json.loads((folder / "done.json").read_text(encoding="utf-8"))
+    if result["status"] != "ok":
+        return Outcome(result["status"][:300])
     try:
         with np.load(folder / "runs.npz") as arrays:
             runs = {name: arrays[f"run{k}"] for k, name in enumerate(tests)}
     except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
         return Outcome(f"crashed: its runs cannot be read ({error})"[:300])
-    return Outcome("ok", runs, done["details"], done["seconds"], done["memory"], done["version"])
+    return Outcome("ok", runs, result["details"], result["seconds"], result["memory"], result["version"])

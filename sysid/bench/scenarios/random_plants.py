@@ -19,7 +19,7 @@ BEFORE = 300  # samples that the test does not show: it begins in motion, so the
 
 
 @dataclass(frozen=True)
-class Drawn:
+class RandomPlants:
     """The seed draws all: orders 1 to 4, delay 0 to 4, poles, zeros, maps, input, N, Ts, noise and its size.
 
     The maps come from eleven families. The test is 2000 samples with the same kind of input and noise. The
@@ -39,11 +39,11 @@ class Drawn:
             raise unknown(f"scenario of {self.name}", scenario, self.scenarios())
         kind, dash, length = scenario.partition("-")
         rng = np.random.default_rng([seed, zlib.crc32(scenario.encode())])
-        least, most = LENGTHS[dash + length]
-        N = round(np.exp(rng.uniform(np.log(least), np.log(most))))
-        Ts, excited = float(10 ** rng.uniform(-3, 0)), str(rng.choice(INPUTS))
-        plant, u = _plant(kind, excited, N, rng)
-        v = excitation(excited, BEFORE + TEST, rng)
+        shortest, longest = LENGTHS[dash + length]
+        N = round(np.exp(rng.uniform(np.log(shortest), np.log(longest))))
+        Ts, input_kind = float(10 ** rng.uniform(-3, 0)), str(rng.choice(INPUTS))
+        plant, u = _plant(kind, input_kind, N, rng)
+        v = excitation(input_kind, BEFORE + TEST, rng)
         y, clean = plant.run(u), plant.run(v)[BEFORE:]
         noisy, snr = str(rng.choice(NOISES)), rng.uniform(*SNR)
         size = float(y.std()) * 10 ** (-snr / 20)
@@ -51,13 +51,13 @@ class Drawn:
         v = v[BEFORE:]
         test = IOData(v, clean + size * noise(noisy, v, rng), Ts)
         truth = Truth({"test": clean}, size, plant.poles, plant.chain, plant.theta)
-        given = f"{plant.given}; {excited} of {N} samples; {noisy} noise, {snr:.0f} dB"
-        return Task(train, {"test": test}, DROP, "1", plant.orders, truth, given=given)
+        description = f"{plant.given}; {input_kind} of {N} samples; {noisy} noise, {snr:.0f} dB"
+        return Task(train, {"test": test}, DROP, "1", plant.orders, truth, given=description)
 
 
-def _plant(kind: str, excited: str, N: int, rng: np.random.Generator) -> tuple[Plant | Recursion, np.ndarray]:
+def _plant(kind: str, input_kind: str, N: int, rng: np.random.Generator) -> tuple[Plant | Recursion, np.ndarray]:
     """A plant through which the input comes, and the input (N,)."""
-    u = excitation(excited, N, rng)
+    u = excitation(input_kind, N, rng)
     if kind == RECURSION:
         return draw_recursion(rng), u
     while True:
