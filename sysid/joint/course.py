@@ -40,7 +40,7 @@ class Course:
     """Held levels one after the other. Ways are +1 and -1, the sign of the input's effect on the motor's position.
 
     `tops` are the largest inputs each way (positive numbers), `ends` the motor's positions between which the course is
-    planned: a stop each way if the joint may run into it (`met`), else the outermost position that it was seen at.
+    planned: a stop each way if the joint may run into it (`may_meet`), else the outermost position that it was seen at.
     `falls`: the output falls as that position rises. `noise` [y]: the standard deviation of a reading.
     """
 
@@ -48,7 +48,7 @@ class Course:
     theta: np.ndarray
     Ts: float
     ends: tuple[float, float]
-    met: dict[int, bool]
+    may_meet: dict[int, bool]
     falls: bool = False
     noise: float = 0.0
     tops: dict[int, float] = field(default_factory=dict)
@@ -79,8 +79,8 @@ class Course:
             reading_noise(data),
         )
         for way in (-1, 1):
-            course.tops[way] = course._top(way, top, strike)
-            least = way * course.starts(way, ALONG)
+            course.tops[way] = course._largest_input(way, top, strike)
+            least = way * course.starting_input(way, ALONG)
             if course.tops[way] <= least:
                 limit = f"{top:.4g}" if strike is None else f"{course.tops[way]:.4g} (for a speed up to {strike:.4g})"
                 raise InputError(
@@ -100,135 +100,145 @@ class Course:
 
     def outputs(self) -> np.ndarray:
         """The predicted y (N,)."""
-        return self._run(self.theta, self.inputs())
+        return self._simulate(self.theta, self.inputs())
 
-    def hold(self, level: float, samples: int) -> None:
-        """Hold an input."""
+    def add_level(self, level: float, samples: int) -> None:
+        """Holds an input [unit of u] for so many samples."""
         if samples > 0:
             self.pieces.append(np.full(int(samples), float(level)))
 
-    def rest(self) -> None:
-        """Hold the input under which the joint stands still, until it does."""
-        self.hold(self.still, max(round(RESTS / self.Ts), 2 * self.step))
+    def add_rest(self) -> None:
+        """Holds the input under which the joint stands still, until it does."""
+        self.add_level(self.resting_input, max(round(RESTS / self.Ts), 2 * self.observation_samples))
 
     def level(self, way: int, share: float) -> float:
         """Size of an input `share` of the way from the one that moves the joint everywhere to the largest."""
-        least = self._least[way]
+        least = self._starting_levels[way]
         return least + share * (self.tops[way] - least)
 
-    def across(self, way: int, share: float, part: float) -> None:
-        """`part` of the way from end to end at `level(way, share)`, with a rest at the end from `LONG` on; where the
-        joint may meet no end, no farther than a place short of it."""
+    def add_stroke(self, way: int, share: float, part: float) -> None:
+        """Experiment on ends and speed: `part` of the way from end to end at `level(way, share)`.
+
+        With a rest at the end from `LONG` on; where the joint may meet no end, no farther than a place short of it.
+        """
         level = way * self.level(way, share)
-        if not self.met[way]:
-            self.hold(level, round(min(part, 1.0) * self._until(way, level, SHORT_OF, self._share())))
+        if not self.may_meet[way]:
+            self.add_level(level, round(min(part, 1.0) * self._samples_to(way, level, SHORT_OF, self._current_share())))
             return
         rests = round(_RESTED * response_samples(self.chain, self.theta)) if part >= LONG else 0
-        self.hold(level, max(2, round(part * self._until(way, level, ARRIVED))) + rests)
+        self.add_level(level, max(2, round(part * self._samples_to(way, level, ARRIVED))) + rests)
 
-    def go(self, place: float, way: int = 1) -> None:
-        """To `place`, a share of the way between the ends, in the direction `way` from the end where such runs begin,
-        so that a backlash is closed; straight where the joint may meet no end, and from the other end if only that."""
-        if not self.met[-way]:
+    def add_approach(self, place: float, way: int = 1) -> None:
+        """Brings the joint to `place`, a share of the way between the ends, before the slow part of an experiment.
+
+        In the direction `way` from the end where such runs begin, so that a backlash is closed; straight where the
+        joint may meet no end, and from the other end if only that.
+        """
+        if not self.may_meet[-way]:
             way = -way
-        if not self.met[-way]:
-            share = self._share()
+        if not self.may_meet[-way]:
+            share = self._current_share()
             way = 1 if share < place else -1
             level = way * self.level(way, 0.5)
-            self.hold(level, self._until(way, level, place if way > 0 else 1.0 - place, share))
+            self.add_level(level, self._samples_to(way, level, place if way > 0 else 1.0 - place, share))
             return
         # Surely at the end: a fifth of the whole way more than from where it should be now.
         level, back = way * self.level(way, 0.5), -way * self.level(-way, 1.0)
-        left = (self._share() if way > 0 else 1.0 - self._share()) if self.pieces else 1.0
-        self.hold(back, round((1.2 * left + 0.2) * self._until(-way, back, ARRIVED)) + self.step)
-        self.rest()
-        self.hold(level, self._until(way, level, place if way > 0 else 1.0 - place))
+        left = (self._current_share() if way > 0 else 1.0 - self._current_share()) if self.pieces else 1.0
+        self.add_level(
+            back, round((1.2 * left + 0.2) * self._samples_to(-way, back, ARRIVED)) + self.observation_samples
+        )
+        self.add_rest()
+        self.add_level(level, self._samples_to(way, level, place if way > 0 else 1.0 - place))
 
-    def rising(self, way: int, top: float) -> np.ndarray:
-        """Levels of pulses from below the input that keeps the joint moving to `top` of the friction; where the joint
-        may meet no end, without those that are predicted to take it out of the range seen."""
+    def rising_levels(self, way: int, top: float) -> np.ndarray:
+        """Experiment on break-away: pulses from below the input that keeps the joint moving to `top` of the friction.
+
+        Where the joint may meet no end, without those that are predicted to take it out of the range seen.
+        """
         middle, half = self.band
         levels = middle + way * half * np.arange(FIRST, top + 0.5 * STEP, STEP)
-        levels = levels[(way * levels <= self.tops[way]) & (way * (levels - self.still) > 0.0)]
-        if self.met[way] or not len(levels):
+        levels = levels[(way * levels <= self.tops[way]) & (way * (levels - self.resting_input) > 0.0)]
+        if self.may_meet[way] or not len(levels):
             return levels
-        pulse_shape = np.concatenate([np.ones(self.pulse), np.zeros(self.step)])
-        positions = self._place(
-            self._at(self._share()), np.concatenate([np.where(pulse_shape, v, self.still) for v in levels])
-        )
-        out = np.flatnonzero(way * (positions - self._target(way, SHORT_OF)) > 0.0)
+        pulse_shape = np.concatenate([np.ones(self.pulse_samples), np.zeros(self.observation_samples)])
+        pulses = np.concatenate([np.where(pulse_shape, v, self.resting_input) for v in levels])
+        positions = self._positions(self._theta_at_rest(self._current_share()), pulses)
+        out = np.flatnonzero(way * (positions - self._target_position(way, SHORT_OF)) > 0.0)
         return levels[: out[0] // len(pulse_shape)] if len(out) else levels
 
     @cached_property
-    def pulse(self) -> int:
+    def pulse_samples(self) -> int:
         """Samples of a pulse: a joint that three pulses above its friction is seen to move."""
-        n, (middle, half) = 4 * self.step + 20, self.band
+        n, (middle, half) = 4 * self.observation_samples + 20, self.band
         moves = []
         for way in (1, -1):
             level = middle + way * half * (1.0 + 3.0 * STEP)
-            y = self._run(self._at(0.5), np.full(n, level))
+            y = self._simulate(self._theta_at_rest(0.5), np.full(n, level))
             moves.append(abs(float(y[-1] - y[n // 2])) / (n - 1 - n // 2))
-        return int(np.clip(np.ceil(_SEEN * self.noise / max(min(moves), 1e-300)), 1, 15 * self.step)) + self.step
+        needed = np.ceil(_SEEN * self.noise / max(min(moves), 1e-300))
+        return int(np.clip(needed, 1, 15 * self.observation_samples)) + self.observation_samples
 
     @property
-    def step(self) -> int:
+    def observation_samples(self) -> int:
         """Samples after which a joint shows whether it started."""
         return max(2, int(np.ceil(_SHOWN * response_samples(self.chain, self.theta))))
 
-    def reverse(self, way: int, share: float) -> None:
-        """`level(way, share)` that moves the joint from rest to rest by `MOVE` of the way, and a short rest."""
-        level, rest, stroke = way * self.level(way, share), np.full(self.step, self.still), self.ends[1] - self.ends[0]
-        start = self._at(self._share())
-        longest = self._until(way, level, 0.5 + MOVE, 0.5)
+    def add_reversal(self, way: int, share: float) -> None:
+        """Experiment on backlash: `level(way, share)` that moves the joint from rest by `MOVE`, and a rest."""
+        level, stroke = way * self.level(way, share), self.ends[1] - self.ends[0]
+        rest = np.full(self.observation_samples, self.resting_input)
+        start = self._theta_at_rest(self._current_share())
+        longest = self._samples_to(way, level, 0.5 + MOVE, 0.5)
         samples = longest
         for n in range(2, longest):
-            place = self._place(start, np.concatenate([np.full(n, level), rest]))
+            place = self._positions(start, np.concatenate([np.full(n, level), rest]))
             if way * (place[-1] - place[0]) >= MOVE * stroke:
                 samples = n
                 break
-        self.hold(level, samples)
-        self.hold(self.still, self.step)
+        self.add_level(level, samples)
+        self.add_level(self.resting_input, self.observation_samples)
 
     @cached_property
-    def still(self) -> float:
+    def resting_input(self) -> float:
         """Input under which the joint stands still: 0, or where its load moves it the middle of the friction's band."""
-        return 0.0 if self.starts(-1) < 0.0 < self.starts(1) else self.band[0]
+        return 0.0 if self.starting_input(-1) < 0.0 < self.starting_input(1) else self.band[0]
 
     @property
     def band(self) -> tuple[float, float]:
         """Middle of the inputs that keep the joint moving up and down, which is the load, and half of what is between
         them, which is the friction."""
-        up_start, down_start = self.starts(1), self.starts(-1)
+        up_start, down_start = self.starting_input(1), self.starting_input(-1)
         return 0.5 * (up_start + down_start), 0.5 * (up_start - down_start)
 
-    def starts(self, way: int, places: tuple[float, ...] = (0.5,), bare: bool = True) -> float:
+    def starting_input(self, way: int, places: tuple[float, ...] = (0.5,), bare: bool = True) -> float:
         """Input that moves the joint at all `places` (shares of the way), by bisection.
 
         `bare`: without more friction at rest than in motion, which a fit only guesses before the joint has started
         slowly.
         """
         key = (way, places, bare)
-        if key not in self._starts:
+        if key not in self._starting_inputs:
             low, high = -self.largest, self.largest
             for _ in range(_HALVINGS):
                 middle = 0.5 * (low + high)
-                if all(self._moves(way, way * middle, place, bare) for place in places):
+                if all(self._starts_moving(way, way * middle, place, bare) for place in places):
                     high = middle
                 else:
                     low = middle
-            self._starts[key] = way * high
-        return self._starts[key]
+            self._starting_inputs[key] = way * high
+        return self._starting_inputs[key]
 
     @cached_property
-    def _starts(self) -> dict[tuple[int, tuple[float, ...], bool], float]:
+    def _starting_inputs(self) -> dict[tuple[int, tuple[float, ...], bool], float]:
         return {}
 
     @cached_property
-    def _least(self) -> dict[int, float]:
+    def _starting_levels(self) -> dict[int, float]:
         """Input each way (positive) that starts the joint everywhere, as far as the fit is believed."""
         least, believed_excess = {}, _STICK * self.band[1]
         for way in (-1, 1):
-            bare_start, stuck_start = (way * self.starts(way, ALONG, free) for free in (True, False))
+            bare_start, stuck_start = (way * self.starting_input(way, ALONG, free) for free in (True, False))
             least[way] = min(stuck_start, bare_start + believed_excess, 0.5 * (bare_start + self.tops[way]))
         return least
 
@@ -242,40 +252,42 @@ class Course:
         )
         return 10.0 * max(volts * (1.0 + motor.value(part, "loss")), 1e-9) + 1.0
 
-    def _moves(self, way: int, level: float, place: float, bare: bool) -> bool:
-        rest = self._place(self._at(place, bare), np.full(2 * self.step + 20, level))
+    def _starts_moving(self, way: int, level: float, place: float, bare: bool) -> bool:
+        rest = self._positions(self._theta_at_rest(place, bare), np.full(2 * self.observation_samples + 20, level))
         return bool(way * (rest[-1] - rest[0]) > _STARTS * (self.ends[1] - self.ends[0]))
 
-    def _top(self, way: int, top: float, strike: float | None) -> float:
+    def _largest_input(self, way: int, top: float, strike: float | None) -> float:
         """The largest input that keeps the speed below `strike`."""
-        if strike is None or self._speed(way, way * top) <= CAREFUL * strike:
+        if strike is None or self._largest_speed(way, way * top) <= CAREFUL * strike:
             return top
         low, high = 0.0, top
         for _ in range(_HALVINGS):
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self._speed(way, way * middle) <= CAREFUL * strike else (low, middle)
+            low, high = (middle, high) if self._largest_speed(way, way * middle) <= CAREFUL * strike else (low, middle)
         return low
 
-    def _speed(self, way: int, level: float) -> float:
+    def _largest_speed(self, way: int, level: float) -> float:
         """The largest speed [y/s] on the way from the far end, where the joint has come to rest."""
-        settling_samples = 2 * self.step + 20
-        u = np.concatenate([np.full(settling_samples, self.still), np.full(self._samples(level), level)])
-        y = self._run(self._at(0.0 if way > 0 else 1.0), u)[settling_samples:]
+        settling_samples = 2 * self.observation_samples + 20
+        u = np.concatenate(
+            [np.full(settling_samples, self.resting_input), np.full(self._crossing_samples(level), level)]
+        )
+        y = self._simulate(self._theta_at_rest(0.0 if way > 0 else 1.0), u)[settling_samples:]
         return float(np.abs(np.diff(y)).max()) / self.Ts
 
-    def _samples(self, level: float) -> int:
+    def _crossing_samples(self, level: float) -> int:
         """Samples in which a joint crosses the way at the motor's speed, three times over."""
         motor = motor_of(self.chain)
         gain = motor.value(self.chain.part(self.theta, motor), "gain")
         speed = gain * max(abs(level), 1e-9)
         return int(np.clip(3.0 * (self.ends[1] - self.ends[0]) / max(speed, 1e-12) + 50, 50, LONGEST))
 
-    def _until(self, way: int, level: float, place: float, share: float | None = None) -> int:
+    def _samples_to(self, way: int, level: float, place: float, share: float | None = None) -> int:
         """Samples to `place`, a share of the way in the direction of motion; from the far end, or from `share`."""
-        start = self._at((0.0 if way > 0 else 1.0) if share is None else share)
-        n, target = self._samples(level), self._target(way, place)
+        start = self._theta_at_rest((0.0 if way > 0 else 1.0) if share is None else share)
+        n, target = self._crossing_samples(level), self._target_position(way, place)
         while n <= LONGEST:
-            arrivals = np.flatnonzero(way * (self._place(start, np.full(n, level)) - target) >= 0.0)
+            arrivals = np.flatnonzero(way * (self._positions(start, np.full(n, level)) - target) >= 0.0)
             if len(arrivals):
                 return int(arrivals[0])
             n *= 2
@@ -284,17 +296,17 @@ class Course:
             "one way from end to end first"
         )
 
-    def _target(self, way: int, place: float) -> float:
+    def _target_position(self, way: int, place: float) -> float:
         """The motor's position at `place`, a share of the way in the direction of motion."""
         low, high = self.ends
         return (low if way > 0 else high) + way * place * (high - low)
 
-    def _share(self) -> float:
+    def _current_share(self) -> float:
         """Where the motor is now, as a share of the way."""
-        position = self._place(self.theta, np.append(self.inputs(), self.still))[-1]
+        position = self._positions(self.theta, np.append(self.inputs(), self.resting_input))[-1]
         return float(np.clip((position - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
 
-    def _at(self, place: float, bare: bool = True) -> np.ndarray:
+    def _theta_at_rest(self, place: float, bare: bool = True) -> np.ndarray:
         """theta with the motor at rest at a share of the way, and no more friction there than in motion if `bare`."""
         theta, role = np.array(self.theta), motor_of(self.chain).role
         theta[self.chain.names.index(f"{role}.x0")] = self.ends[0] + place * (self.ends[1] - self.ends[0])
@@ -303,12 +315,12 @@ class Course:
                 theta[self.chain.names.index(name)] = 0.0
         return theta
 
-    def _place(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def _positions(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The motor's position (N,)."""
         k = self.chain.blocks.index(motor_of(self.chain))
         return np.asarray(self.chain.signals(theta, u)[k + 1]).ravel()
 
-    def _run(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
+    def _simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         return np.asarray(self.chain.simulate(theta, u)).ravel()
 
 

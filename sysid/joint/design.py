@@ -177,45 +177,45 @@ class _Plan:
 
 
 def _add_strokes(work: _Plan, k: int) -> None:
-    """From end to end at different levels."""
+    """The experiment on ends and speed per volt: from end to end at different levels."""
     course, rng = work.course, work.rng
 
     def run() -> None:
         for share, shortest, longest in PAIRS[k]:
             for way in (-1, 1):
-                course.across(way, share * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
-        course.rest()
+                course.add_stroke(way, share * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
+        course.add_rest()
 
     work.phase("ends", "from end to end at different levels", run)
 
 
 def _add_pulses(work: _Plan, k: int) -> None:
-    """Rising pulses from rest, up and down in turn, each series in the direction in which the joint came."""
+    """The experiment on break-away: rising pulses from rest, up and down in turn, each the way that the joint came."""
     course = work.course
 
     def run() -> None:
         for top in TOPS:
             for way in (1, -1):
-                course.go(PLACES[k], way)
-                course.rest()
-                for level in course.rising(way, top):
-                    course.hold(level, course.pulse)
-                    course.hold(course.still, course.step)
-        course.rest()
+                course.add_approach(PLACES[k], way)
+                course.add_rest()
+                for level in course.rising_levels(way, top):
+                    course.add_level(level, course.pulse_samples)
+                    course.add_level(course.resting_input, course.observation_samples)
+        course.add_rest()
 
     work.phase("breakaway", "pulses from rest, each a little larger, until the joint starts", run)
 
 
 def _add_reversals(work: _Plan, k: int) -> None:
-    """Slow reversals."""
+    """The experiment on backlash: slow reversals of the drive at one place."""
     course = work.course
 
     def run() -> None:
-        course.go(PLACES[k])
+        course.add_approach(PLACES[k])
         for n in range(2 * REVERSALS):
             way, share = 1 if n % 2 == 0 else -1, SLOW[n // 2 % 2]
-            course.reverse(way, share)
-        course.rest()
+            course.add_reversal(way, share)
+        course.add_rest()
 
     work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
 

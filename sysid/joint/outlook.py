@@ -26,14 +26,14 @@ def unseen_ends(course: Course, data: IOData) -> list[str]:
     y, unit = data.y, display_quantity("", data.y_unit or "")
     falls = course.falls
     for name, way, farthest in (("lower", -1, float(y.min())), ("upper", 1, float(y.max()))):
-        if course.met[-way if falls else way]:
+        if course.may_meet[-way if falls else way]:
             continue
         place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
         sentences.append(
             f"the first record shows no {name} end, and the input keeps the joint away from {place}, where it was "
             "farthest; if the joint has a stop there and may run into it, add --to-stops"
         )
-    if not course.met[-1]:  # else the experiment begins with a run to that end
+    if not course.may_meet[-1]:  # else the experiment begins with a run to that end
         start = f"{number(float(y[0, 0]) * unit.factor, 4)} {unit.unit}".rstrip()
         sentences.append(f"begin the experiment at {start}, where the first record began")
     return sentences

@@ -82,7 +82,7 @@ def test_pulses_rise_with_the_friction_where_the_load_takes_nearly_all_of_it(loa
     data = IOData(u, chain.simulate(theta, u).ravel(), TS)
     course = Course.of(fit_chain(chain, data, start=theta, search="lm"), data, 10.0, None, TS)
     for way, needed in ((1, 1.4 + load), (-1, 1.6 - load)):
-        levels = way * course.rising(way, 2.0)
+        levels = way * course.rising_levels(way, 2.0)
         assert levels.min() < needed + 0.02
         assert levels.max() > needed + 1.3
         assert np.diff(levels) == pytest.approx(0.06 * 1.5, rel=0.02)

@@ -175,9 +175,9 @@ def test_a_level_moves_the_joint_everywhere_on_its_way() -> None:
     fit, data = first()
     course, p = Course.of(fit, data, 12.0, None, TS), dict(zip(fit.model.names, fit.theta, strict=True))
     load = p["motor.load0"] + p["motor.load1"] * (ALONG[-1] - 0.5)
-    assert course.starts(1, ALONG) == pytest.approx(p["motor.rise"] + load, rel=1e-3)
-    assert course.starts(1) < course.starts(1, ALONG) - 0.1
-    assert course.level(1, 0.0) == course.starts(1, ALONG)
+    assert course.starting_input(1, ALONG) == pytest.approx(p["motor.rise"] + load, rel=1e-3)
+    assert course.starting_input(1) < course.starting_input(1, ALONG) - 0.1
+    assert course.level(1, 0.0) == course.starting_input(1, ALONG)
 
 
 def test_the_next_record_is_sampled_so_that_lag_and_delay_last_three_samples() -> None:
