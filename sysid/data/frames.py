@@ -35,7 +35,7 @@ def library(name: str) -> Any:
 def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for columns of a DataFrame."""
     _check_kind(table, "pandas DataFrame", ("columns", "index", "attrs"))
-    input, output = _listed(input), _listed(output)
+    input, output = _as_list(input), _as_list(output)
     _check_named(input, output)
     for name in (*input, *output):
         if name not in table.columns:
@@ -73,7 +73,7 @@ def of_pandas(table: Any, input: Names, output: Names, Ts: float | None) -> dict
 def of_xarray(table: Any, input: Names, output: Names, Ts: float | None) -> dict[str, Any]:
     """The arguments of IOData for variables of a Dataset."""
     _check_kind(table, "xarray Dataset", ("data_vars", "coords"))
-    input, output = _listed(input), _listed(output)
+    input, output = _as_list(input), _as_list(output)
     _check_named(input, output)
     names = (*input, *output)
     for name in names:
@@ -114,7 +114,7 @@ def _check_named(input: Sequence[str], output: Sequence[str]) -> None:
 def to_pandas(data: Any) -> Any:
     """The DataFrame of a record."""
     pandas = library("pandas")
-    values, units = _recorded(data)
+    values, units = _recorded_channels(data)
     pieces = [np.arange(n) * data.Ts for n in data.lengths]
     index = pandas.Index(pieces[0], name="time")
     if len(pieces) > 1:
@@ -132,12 +132,12 @@ def to_xarray(data: Any) -> Any:
     xarray = library("xarray")
     if len(data.lengths) > 1:
         raise InputError(f"the record has {len(data.lengths)} experiments; convert each of data.experiments")
-    values, units = _recorded(data)
+    values, units = _recorded_channels(data)
     variables = {name: ("time", column, {"units": units[name]}) for name, column in values.items()}
     return xarray.Dataset(variables, coords={"time": ("time", data.t, {"units": "s"})})
 
 
-def _recorded(data: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+def _recorded_channels(data: Any) -> tuple[dict[str, np.ndarray], dict[str, str]]:
     """Every channel (N,) by a name of its own as it was recorded, and the units."""
     values: dict[str, np.ndarray] = {}
     units: dict[str, str] = {}
@@ -260,5 +260,5 @@ def _check_given(times: np.ndarray, Ts: float) -> None:
         )
 
 
-def _listed(names: Names) -> list[str]:
+def _as_list(names: Names) -> list[str]:
     return [names] if isinstance(names, str) else list(names)

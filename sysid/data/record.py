@@ -56,7 +56,7 @@ class IOData(Shown):
             raise InputError(f"experiments of {lengths} samples do not make up {len(u)}; each needs at least 2")
         if self.missing is not None:
             mask = np.broadcast_to(np.asarray(self.missing, dtype=bool).reshape(len(y), -1), y.shape).copy()
-            y = _bridged(y, mask, lengths, self.y_name)
+            y = _bridge_gaps(y, mask, lengths, self.y_name)
             object.__setattr__(self, "missing", mask if mask.any() else None)
         object.__setattr__(self, "u", u)
         object.__setattr__(self, "y", y)
@@ -273,7 +273,7 @@ def _channels(values: np.ndarray, name: str, missing: np.ndarray | None = None) 
     return array
 
 
-def _bridged(y: np.ndarray, missing: np.ndarray, lengths: tuple[int, ...], name: str) -> np.ndarray:
+def _bridge_gaps(y: np.ndarray, missing: np.ndarray, lengths: tuple[int, ...], name: str) -> np.ndarray:
     """y (N, ny) with straight lines over missing stretches, experiment by experiment."""
     end = 0
     for n in lengths:

@@ -60,7 +60,7 @@ def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, 
     if n < 2:
         raise InputError(f"{e.N} samples become {n} at the new rate; give a shorter Ts")
     y = _poly(e.y, up, down)
-    u = _held(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
+    u = _mean_inputs(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
     is_missing = np.zeros(y.shape, dtype=bool)
     if e.missing is not None:
         # The filter's main lobe spans about one sample of the lower rate to either side.
@@ -79,7 +79,7 @@ def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
     return np.asarray(resample_poly(x, up, down, axis=0, padtype="line"))
 
 
-def _held(u: np.ndarray, up: int, down: int, n: int) -> np.ndarray:
+def _mean_inputs(u: np.ndarray, up: int, down: int, n: int) -> np.ndarray:
     """Mean of the held u over each new sample's time (n, nu): the integral of u is the same at both rates."""
     integral = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u, axis=0)])
     edges = np.minimum(np.arange(n + 1) * (down / up), len(u))

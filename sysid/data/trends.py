@@ -56,7 +56,7 @@ class Trend:
 
     def remove(self, data: IOData) -> IOData:
         """The record without the trend; a constant part is stored in `u_offset`, `y_offset` as in `detrend`."""
-        u, y = self._at(data)
+        u, y = self._values_on(data)
         offsets = {}
         if self.kind in CONSTANT:
             offsets = {"u_offset": data.u_offset + u[0], "y_offset": data.y_offset + y[0]}
@@ -64,7 +64,7 @@ class Trend:
 
     def restore(self, data: IOData) -> IOData:
         """The record with the trend restored."""
-        u, y = self._at(data)
+        u, y = self._values_on(data)
         offsets = {}
         if self.kind in CONSTANT:
             offsets = {"u_offset": data.u_offset - u[0], "y_offset": data.y_offset - y[0]}
@@ -77,7 +77,7 @@ class Trend:
             raise InputError(f"the output has {len(yhat)} samples and the trend {len(y)}; give the same record")
         return np.asarray(yhat) + y
 
-    def _at(self, data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    def _values_on(self, data: IOData) -> tuple[np.ndarray, np.ndarray]:
         if self.kind in CONSTANT:
             return np.broadcast_to(self.u[0], data.u.shape), np.broadcast_to(self.y[0], data.y.shape)
         if (self.u.shape, self.y.shape) != (data.u.shape, data.y.shape):

@@ -16,7 +16,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.diagnosis import delays
-from sysid.diagnosis.low_order import Model, Profile, pieces
+from sysid.diagnosis.low_order import Model, Profile, delay_by, pieces
 from sysid.diagnosis.whitening import Whitened, joint_test, orthonormal_columns, robust_covariance, wald_p_value, whiten
 
 ORDERS = ((1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3))  # nf, nb
@@ -201,7 +201,7 @@ def _fit_null_space(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """b (nb,), f (nf,) of F G = q^-nk B A and the weighted square of what is left; half'half is the covariance."""
     p = len(a) - 1
-    columns = [-_delayed(g, j) for j in range(1, nf + 1)] + [_delayed(a, nk + j) for j in range(nb)]
+    columns = [-delay_by(g, j) for j in range(1, nf + 1)] + [delay_by(a, nk + j) for j in range(nb)]
     Phi = np.column_stack(columns)
     b, f, cost = np.zeros(nb), np.zeros(nf), np.inf
     for _ in range(_REFINED):
@@ -220,10 +220,6 @@ def _fit_null_space(
         errors = W[:, 0] - W[:, 1:] @ x
         f, b, cost = x[:nf], x[nf:], float(errors @ errors)
     return b, f, cost
-
-
-def _delayed(x: np.ndarray, k: int) -> np.ndarray:
-    return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def pieces(data: IOData, i: int, j: int) -> list[Piece]:
 
 
 @dataclass(frozen=True)
-class _Solved:
+class _Solution:
     """Loss, b and errors for one denominator; the columns of each experiment, and all of them whitened."""
 
     loss: float
@@ -72,14 +72,14 @@ class Profile:
 
     def model(self, nk: int, nf: int, nb: int, f: np.ndarray) -> Model:
         """The best model of this delay and these orders, from the denominator f (nf,)."""
-        f = _inside(f)
-        solution = self._solved(nk, nb, f)
+        f = _stabilise(f)
+        solution = self._solve(nk, nb, f)
         for _ in range(_STEPS if nf else 0):
             step = self._step(f, solution)
             scale, trial = 1.0, solution
             while scale > 0.01:
-                g = _inside(f + scale * step)
-                trial = self._solved(nk, nb, g)
+                g = _stabilise(f + scale * step)
+                trial = self._solve(nk, nb, g)
                 if trial.loss < solution.loss:
                     break
                 scale *= 0.3
@@ -96,11 +96,11 @@ class Profile:
     def whiten(self, best: Model) -> None:
         """Take the colour of the errors of this model for all further ones."""
         self.colour = np.ones(1)
-        e = self._solved(best.nk, len(best.b), best.f).e
+        e = self._solve(best.nk, len(best.b), best.f).e
         ends = np.cumsum([int(p.seen.sum()) for p in self.parts])
         self.colour = _autoregression(np.split(e, ends[:-1]))
 
-    def _filtered(self, columns: np.ndarray, part: Piece) -> np.ndarray:
+    def _whiten_columns(self, columns: np.ndarray, part: Piece) -> np.ndarray:
         m = len(self.colour) - 1
         n = len(columns) - m
         white = columns[m:].copy()
@@ -110,25 +110,25 @@ class Profile:
         keep = np.convolve(~observed, np.ones(m + 1))[m : len(observed)] == 0 if not observed.all() else slice(None)
         return np.asarray(white[keep])
 
-    def _solved(self, nk: int, nb: int, f: np.ndarray) -> "_Solved":
+    def _solve(self, nk: int, nb: int, f: np.ndarray) -> "_Solution":
         """The best b for a denominator; initial states and a constant belong to each experiment."""
         columns = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
-        X, y = self._stacked(columns, nb)
+        X, y = self._stack(columns, nb)
         c, e = _least(X, y)
-        return _Solved(float(e @ e), c[:nb], e, columns, X)
+        return _Solution(float(e @ e), c[:nb], e, columns, X)
 
-    def _step(self, f: np.ndarray, solution: "_Solved") -> np.ndarray:
+    def _step(self, f: np.ndarray, solution: "_Solution") -> np.ndarray:
         """Gauss-Newton step of f with b and the initial states solved for (variable projection, Kaufman's form)."""
         nf, nb, den = len(f), len(solution.b), np.concatenate([[1.0], f])
         slopes = [lfilter([1.0], den, -(free[:, :nb] @ solution.b)) for free in solution.each]
-        columns = [np.column_stack([_late(s, j) for j in range(1, nf + 1)]) for s in slopes]
-        J = self._stacked(columns, nf)[0]
+        columns = [np.column_stack([delay_by(s, j) for j in range(1, nf + 1)]) for s in slopes]
+        J = self._stack(columns, nf)[0]
         return _least(np.column_stack([J, solution.X]), solution.e)[0][:nf]
 
-    def _stacked(self, columns_of_parts: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
+    def _stack(self, columns_of_parts: list[np.ndarray], common: int) -> tuple[np.ndarray, np.ndarray]:
         rows, ys = [], []
         for k, (part, columns) in enumerate(zip(self.parts, columns_of_parts, strict=True)):
-            white = self._filtered(np.column_stack([columns, part.y]), part)
+            white = self._whiten_columns(np.column_stack([columns, part.y]), part)
             width = white.shape[1] - 1 - common
             wide = np.zeros((len(white), common + width * len(columns_of_parts)))
             wide[:, :common] = white[:, :common]
@@ -145,7 +145,9 @@ def _free(f: np.ndarray, n: int, u: np.ndarray, nk: int, nb: int) -> np.ndarray:
     impulse = np.zeros(n)
     impulse[0] = 1.0
     g = lfilter([1.0], den, impulse)
-    return np.column_stack([*(_late(w, nk + k) for k in range(nb)), *(_late(g, k) for k in range(len(f))), np.ones(n)])
+    return np.column_stack(
+        [*(delay_by(w, nk + k) for k in range(nb)), *(delay_by(g, k) for k in range(len(f))), np.ones(n)]
+    )
 
 
 def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -157,11 +159,12 @@ def _least(X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return c, y - X @ c
 
 
-def _late(x: np.ndarray, k: int) -> np.ndarray:
+def delay_by(x: np.ndarray, k: int) -> np.ndarray:
+    """x (N,) later by k samples, with zeros before."""
     return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])
 
 
-def _inside(f: np.ndarray) -> np.ndarray:
+def _stabilise(f: np.ndarray) -> np.ndarray:
     if not len(f):
         return f
     size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))

@@ -91,10 +91,10 @@ def chance(r: np.ndarray, bound: float, level: float) -> bool:
     n = len(r)
     joint_bound = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
     count = int(np.sum(np.abs(r) > bound))
-    return bool(count <= _allowed(n, level) and np.all(np.abs(r) <= joint_bound))
+    return bool(count <= _allowed_count(n, level) and np.all(np.abs(r) <= joint_bound))
 
 
-def _allowed(n: int, level: float) -> int:
+def _allowed_count(n: int, level: float) -> int:
     """Smallest k with P(at most k of n lags outside) >= 0.99."""
     counts = np.arange(n + 1)
     return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))

@@ -39,7 +39,7 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
     state = f"{name}_state"
     comment = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().replace("*/", "* /")
     parts = [
-        "\n".join([f"/* {name}: exported model, C99.", "", *_indented(comment.split("\n")), "*/"]),
+        "\n".join([f"/* {name}: exported model, C99.", "", *_indent(comment.split("\n")), "*/"]),
         "#include <math.h>",
         f"enum {{ {name}_inputs = {n_in}, {name}_outputs = {n_out} }};",
         f"const double {name}_Ts = {number(fit.Ts)}; /* s */",
@@ -135,7 +135,7 @@ int main(void)
 #endif"""
 
 
-def _indented(text: list[str]) -> list[str]:
+def _indent(text: list[str]) -> list[str]:
     return [f"   {line}".rstrip() for line in text]
 
 

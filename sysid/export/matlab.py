@@ -91,7 +91,7 @@ def _function(unit: str, code: Code) -> str:
 
 
 def _steps(name: str, exported: Program) -> list[str]:
-    signals = [_less(f"u({i})", offset) for i, offset in enumerate(exported.u_offset, 1)]
+    signals = [_minus_offset(f"u({i})", offset) for i, offset in enumerate(exported.u_offset, 1)]
     lines: list[str] = []
     for k, layer in enumerate(exported.layers, 1):
         unit = whole(layer)
@@ -106,11 +106,11 @@ def _steps(name: str, exported: Program) -> list[str]:
                 lines.append(_call(name, term, part, exported.codes[part.name], signals[i]))
             names.append(terms[0] if len(terms) == 1 else f"({' + '.join(terms)})")
         signals = names
-    ends = [_less(s, -offset) for s, offset in zip(signals, exported.y_offset, strict=True)]
+    ends = [_minus_offset(s, -offset) for s, offset in zip(signals, exported.y_offset, strict=True)]
     return [*lines, f"    y = [{', '.join(ends)}];"]
 
 
-def _less(signal: str, offset: float) -> str:
+def _minus_offset(signal: str, offset: float) -> str:
     """A signal less an offset, in brackets: in a row, MATLAB takes a - b as one element but a -b as two."""
     value = float(np.abs(offset))
     return signal if value == 0.0 else f"({signal} {'-' if offset > 0 else '+'} {number(value)})"

@@ -41,7 +41,7 @@ def _block(body: Sequence[ast.stmt]) -> list[str]:
     return [line for statement in body for line in _statement(statement)]
 
 
-def _indented(lines: list[str]) -> list[str]:
+def _indent(lines: list[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
@@ -54,33 +54,33 @@ def _statement(s: ast.stmt) -> list[str]:
             return [f"{target} = [{target}, {show(s.value)}];"]
         return _assign(s.target, ast.BinOp(_read(s.target), ast.Add(), s.value))
     if isinstance(s, ast.If):
-        return [*_if(s, "if"), "end"]
+        return [*_if_statement(s, "if"), "end"]
     if isinstance(s, ast.For) and isinstance(s.target, ast.Name):
-        return [f"for {_name(s.target.id)} = {_range(s.iter)}", *_indented(_block(s.body)), "end"]
+        return [f"for {_name(s.target.id)} = {_range(s.iter)}", *_indent(_block(s.body)), "end"]
     if isinstance(s, ast.Return) and s.value is not None:
         return [f"out = {show(s.value)};", "return"]
     if isinstance(s, ast.Break):
         return ["break"]
-    raise _refused(s)
+    raise _refusal(s)
 
 
 def _assign(target: ast.expr, value: ast.expr) -> list[str]:
     if isinstance(target, ast.Tuple):
         sequence = value.value if isinstance(value, ast.Subscript) else value
         if not isinstance(sequence, ast.Name):
-            raise _refused(value)
+            raise _refusal(value)
         return [f"{show(t)} = {show(sequence)}({k});" for k, t in enumerate(target.elts, 1)]
     if isinstance(value, ast.IfExp):  # as a statement, only the chosen side is evaluated
-        lines = [f"if {show(value.test)}", *_indented(_assign(target, value.body))]
-        return [*lines, "else", *_indented(_assign(target, value.orelse)), "end"]
+        lines = [f"if {show(value.test)}", *_indent(_assign(target, value.body))]
+        return [*lines, "else", *_indent(_assign(target, value.orelse)), "end"]
     return [f"{show(target)} = {show(value)};"]
 
 
-def _if(s: ast.If, word: str) -> list[str]:
-    lines = [f"{word} {show(s.test)}", *_indented(_block(s.body))]
+def _if_statement(s: ast.If, word: str) -> list[str]:
+    lines = [f"{word} {show(s.test)}", *_indent(_block(s.body))]
     if len(s.orelse) == 1 and isinstance(s.orelse[0], ast.If):
-        return [*lines, *_if(s.orelse[0], "elseif")]
-    return [*lines, *(["else", *_indented(_block(s.orelse))] if s.orelse else [])]
+        return [*lines, *_if_statement(s.orelse[0], "elseif")]
+    return [*lines, *(["else", *_indent(_block(s.orelse))] if s.orelse else [])]
 
 
 def show(e: ast.expr, outer_binding: int = 0) -> str:
@@ -117,38 +117,38 @@ def _expression(e: ast.expr) -> tuple[str, int]:
     if isinstance(e, ast.List):
         return f"[{', '.join(show(v) for v in e.elts)}]", _ATOM
     if isinstance(e, (ast.ListComp, ast.GeneratorExp)):
-        return _each(e), _ATOM
-    raise _refused(e)
+        return _comprehension(e), _ATOM
+    raise _refusal(e)
 
 
 def _binary(e: ast.BinOp) -> tuple[str, int]:
     if isinstance(e.op, ast.Add) and (_is_list(e.left) or _is_list(e.right)):  # one row behind the other
-        return f"[{_inside(e.left)}, {_inside(e.right)}]", _ATOM
+        return f"[{_elements(e.left)}, {_elements(e.right)}]", _ATOM
     if isinstance(e.op, ast.Mult) and _is_list(e.left):
         return f"repmat({show(e.left)}, 1, {show(e.right)})", _ATOM
     if type(e.op) not in _BINARY:
-        raise _refused(e)
+        raise _refusal(e)
     sign, binds = _BINARY[type(e.op)]
     left_text, right = show(e.left, binds + (sign == "^")), show(e.right, binds + 1)
     space = "" if sign == "^" else " "
     return f"{left_text}{space}{sign}{space}{right}", binds
 
 
-def _inside(e: ast.expr) -> str:
+def _elements(e: ast.expr) -> str:
     return ", ".join(show(v) for v in e.elts) if isinstance(e, ast.List) else show(e)
 
 
-def _each(e: ast.ListComp | ast.GeneratorExp) -> str:
+def _comprehension(e: ast.ListComp | ast.GeneratorExp) -> str:
     """A row of values, one for each number of a range."""
     (loop,) = e.generators
     if loop.ifs or not isinstance(loop.target, ast.Name):
-        raise _refused(e)
+        raise _refusal(e)
     return f"arrayfun(@({_name(loop.target.id)}) {show(e.elt)}, {_range(loop.iter)})"
 
 
 def _range(e: ast.expr) -> str:
     if not (isinstance(e, ast.Call) and ast.unparse(e.func) == "range" and len(e.args) == 1):
-        raise _refused(e)
+        raise _refusal(e)
     (count,) = e.args
     if isinstance(count, ast.Constant) and isinstance(count.value, int):
         return f"0:{count.value - 1}"
@@ -158,10 +158,10 @@ def _range(e: ast.expr) -> str:
 def _index(e: ast.expr, row: str) -> str:
     """A place or a part of a row, counted from 1 instead of 0."""
     if not isinstance(e, ast.Slice):
-        return _later(e)
+        return _plus_one(e)
     if e.step is not None:
-        raise _refused(e)
-    first = "1" if e.lower is None else _later(e.lower)
+        raise _refusal(e)
+    first = "1" if e.lower is None else _plus_one(e.lower)
     if e.upper is None:
         return f"{first}:end"
     distance_from_end = (
@@ -172,7 +172,7 @@ def _index(e: ast.expr, row: str) -> str:
     )
 
 
-def _later(e: ast.expr) -> str:
+def _plus_one(e: ast.expr) -> str:
     """A number and one, added where it is known."""
     if isinstance(e, ast.Constant) and type(e.value) is int:
         return str(e.value + 1)
@@ -185,7 +185,7 @@ def _constant(e: ast.Constant) -> tuple[str, int]:
     if isinstance(e.value, bool):
         return str(e.value).lower(), _ATOM
     if not isinstance(e.value, (int, float)):
-        raise _refused(e)
+        raise _refusal(e)
     return repr(e.value), _ATOM
 
 
@@ -205,7 +205,7 @@ def _read(e: ast.expr) -> ast.expr:
     return found
 
 
-def _refused(node: ast.AST) -> InputError:
+def _refusal(node: ast.AST) -> InputError:
     return InputError(
         f"{ast.unparse(node).splitlines()[0]!r} of the exported code cannot be written as MATLAB; export to C or Python"
     )

@@ -46,7 +46,7 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     B, F, extra = _parts(fit, u)
     A, b, c, d = _companion(B, F)
     if method == "zoh":
-        A, b, c, d = _unheld(A, b, c, d, fit.Ts)
+        A, b, c, d = _undo_hold(A, b, c, d, fit.Ts)
     else:
         A, b, c, d = _bilinear(A, b, c, d, fit.Ts)
     return Continuous(control.tf(*_rational(A, b, c, d)), extra * fit.Ts)
@@ -71,7 +71,7 @@ def d2d(fit: Fit, Ts: float, u: float = 0.0) -> "TransferFunction":
         raise InputError(
             f"the delay of {extra * fit.Ts:g} s is {samples:g} samples of {Ts:g} s; choose a Ts that divides it"
         )
-    A, b, c, d = _held(*_unheld(*_companion(B, F), fit.Ts), Ts)
+    A, b, c, d = _apply_hold(*_undo_hold(*_companion(B, F), fit.Ts), Ts)
     num, den = _rational(A, b, c, d)
     return control.tf(num, np.concatenate([den, np.zeros(round(samples))]), Ts)
 
@@ -100,7 +100,7 @@ def _companion(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return A, np.eye(n, 1), (wide[1:] - wide[0] * den[1:])[None, :], float(wide[0])
 
 
-def _unheld(
+def _undo_hold(
     A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float, Ts: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """The inverse of a zero-order hold: the logarithm of [[A, b], [0, 1]]."""
@@ -126,7 +126,7 @@ def _unheld(
     return generator[:n, :n], generator[:n, n:], c, d
 
 
-def _held(
+def _apply_hold(
     A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float, Ts: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     n = len(A)

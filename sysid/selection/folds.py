@@ -59,7 +59,7 @@ class Fold:
 
     def shortened(self, samples: int) -> "Fold":
         """The same with the first part of every experiment only, about `samples` to fit and `samples` to judge."""
-        estimation, unseen = (_shortened(part, samples) for part in (self.estimation, self.unseen))
+        estimation, unseen = (_shorten(part, samples) for part in (self.estimation, self.unseen))
         return Fold(estimation, unseen, min(self.skip, min(unseen.lengths) // 4))
 
 
@@ -78,9 +78,9 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
             continue
         counts = np.array([np.bincount(np.concatenate(marks[start:stop]), minlength=_SIZE) for start, stop in cuts])
         choices = _halves(lengths)
-        costs = [_missed(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
+        costs = [_coverage_loss(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
         for k in np.argsort(costs, kind="stable")[:_CLOSE]:
-            pair = _pair(_merged(data, cuts, choices[k]), _merged(data, cuts, ~choices[k]))
+            pair = _pair(_merge_blocks(data, cuts, choices[k]), _merge_blocks(data, cuts, ~choices[k]))
             cost = costs[k] + float(np.mean([fold.lost for fold in pair]))
             if best is None or cost < best[0] - 1e-12:
                 best = cost, pair
@@ -106,7 +106,7 @@ def _marks(data: IOData) -> np.ndarray:
     return np.column_stack([fine[0], _BINS + fine[1], 2 * _BINS + _CELLS * rough[0] + rough[1]])
 
 
-def _missed(counts: np.ndarray, part: np.ndarray) -> float:
+def _coverage_loss(counts: np.ndarray, part: np.ndarray) -> float:
     """The share of what either part shows and the other hardly does, for the samples met (blocks, bins)."""
     first_counts, second_counts = counts[part].sum(axis=0), counts[~part].sum(axis=0)
     total = first_counts + second_counts
@@ -146,10 +146,10 @@ def _halves(lengths: list[int]) -> list[np.ndarray]:
 
 
 def _pieces(part: np.ndarray, cuts: list[tuple[int, int]], data: IOData) -> int:
-    return len(_joined(data, cuts, part)) + len(_joined(data, cuts, ~part))
+    return len(_join_blocks(data, cuts, part)) + len(_join_blocks(data, cuts, ~part))
 
 
-def _joined(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> list[tuple[int, int]]:
+def _join_blocks(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> list[tuple[int, int]]:
     """The chosen blocks; neighbours of one experiment become one piece."""
     ends = set(np.cumsum(data.lengths).tolist())
     pieces: list[tuple[int, int]] = []
@@ -163,8 +163,8 @@ def _joined(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> list
     return pieces
 
 
-def _merged(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> IOData:
-    return IOData.merge(*(data.select(start, stop) for start, stop in _joined(data, cuts, part)))
+def _merge_blocks(data: IOData, cuts: list[tuple[int, int]], part: np.ndarray) -> IOData:
+    return IOData.merge(*(data.select(start, stop) for start, stop in _join_blocks(data, cuts, part)))
 
 
 def _skip(data: IOData) -> int:
@@ -173,7 +173,7 @@ def _skip(data: IOData) -> int:
     return min(max(50, min(n // 20, 1000)), n // 4)
 
 
-def _shortened(data: IOData, samples: int) -> IOData:
+def _shorten(data: IOData, samples: int) -> IOData:
     if samples >= data.N:
         return data
     parts = (e.select(0, max(2, round(e.N * samples / data.N))) for e in data.experiments)

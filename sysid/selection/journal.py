@@ -101,7 +101,7 @@ class Journal:
             self._known[name] = row["values"]
         for name in double:
             del self._known[name]
-        self.notes = tuple(_told(lines.path, bad[DAMAGED], bad[UNSEALED], len(double)))
+        self.notes = tuple(_damage_notes(lines.path, bad[DAMAGED], bad[UNSEALED], len(double)))
         if self.notes:
             self._rewrite(lines)
 
@@ -130,7 +130,7 @@ def writing(path: str | Path | None, data: IOData, settings: Any) -> Iterator[Jo
         yield Journal(path, data, settings)
 
 
-def _told(path: Path, damaged: int, unsealed: int, double: int) -> list[str]:
+def _damage_notes(path: Path, damaged: int, unsealed: int, double: int) -> list[str]:
     sentences = []
     if damaged:
         rows, subject = ("row", "its candidate is") if damaged == 1 else ("rows", "their candidates are")

@@ -89,7 +89,7 @@ def curve(info: Information, role: str, x: np.ndarray | None = None, points: int
     if raw.note != GAUGE:
         return Curve(role, raw, OWN, units[0] if first else "", units[1] if last else "")
     scales = _scales(info, first, last, 1.0 if correlation >= 0 else -1.0)
-    return Curve(role, _normalised(info, k, signals, scales, x, points, level), NORMALISED, *units)
+    return Curve(role, _normalised_band(info, k, signals, scales, x, points, level), NORMALISED, *units)
 
 
 def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]:
@@ -128,7 +128,7 @@ def _raw(info: Information, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return y, gradient
 
 
-def _normalised(
+def _normalised_band(
     info: Information,
     k: int,
     signals: tuple[_Signal, _Signal],

@@ -81,7 +81,7 @@ class Information:
     def std_of(self, gradient: np.ndarray) -> np.ndarray:
         """Standard deviation (m,) of quantities with gradient (m, P); nan where the record does not determine them."""
         G = np.atleast_2d(gradient)
-        is_undetermined = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._at_bound(G)
+        is_undetermined = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._is_at_bound(G)
         return np.where(is_undetermined, np.nan, np.linalg.norm(G @ self.factor, axis=1))
 
     def note_of(self, gradient: np.ndarray) -> str:
@@ -91,9 +91,9 @@ class Information:
             return GAUGE
         if np.any(self._depends_on(G, self.unexcited)):
             return UNEXCITED
-        return BOUND if np.any(self._at_bound(G)) else ""
+        return BOUND if np.any(self._is_at_bound(G)) else ""
 
-    def _at_bound(self, G: np.ndarray) -> np.ndarray:
+    def _is_at_bound(self, G: np.ndarray) -> np.ndarray:
         """True (m,) where a quantity with this gradient moves along what a bound holds, and along nothing else."""
         if not self.bound.shape[1]:
             return np.zeros(len(G), dtype=bool)
@@ -152,9 +152,9 @@ def information_at(
     """
     siso(data)
     with one_blas_thread():
-        e, J, mask, initial_count = _stacked(chain, theta, data)
+        e, J, mask, initial_count = _stack_experiments(chain, theta, data)
         free = chain.basis[:, chain.free]
-        at_bound = _held(chain, theta, (J @ free).T @ e)
+        at_bound = _bound_mask(chain, theta, (J @ free).T @ e)
         basis, redundant = free[:, ~at_bound], _gauge(chain, theta, free, at_bound)
         Jp = J @ basis
         scale = _unit(Jp)
@@ -188,7 +188,7 @@ def information_at(
     )
 
 
-def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+def _stack_experiments(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """e (N,), J (N, P) of all experiments, which samples count (N,), and the number of further initial states.
 
     Missing samples are zero rows. The part that a further experiment's own initial state explains is projected out of
@@ -210,7 +210,7 @@ def _stacked(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray,
     return np.concatenate(errors), np.concatenate(rows), np.concatenate(masks), initial_count
 
 
-def _held(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+def _bound_mask(chain: Chain, theta: np.ndarray, gradient: np.ndarray) -> np.ndarray:
     """True (n,) for free directions at a bound beyond which the descent `gradient` (n,) points."""
     low, high = chain.at_limit(theta)
     return (low[chain.free] & (gradient < 0)) | (high[chain.free] & (gradient > 0))

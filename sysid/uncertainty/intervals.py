@@ -204,7 +204,7 @@ def _roots(info: Information, p: np.ndarray, dp: np.ndarray, level: float) -> li
             results.append(_root(info, z, None, level, _MULTIPLE))
             continue
         results.append(_root(info, z, -(z ** np.arange(len(p) - 1, -1, -1)) @ dp / d, level))
-    return [_warned(r, roots) for r in results]
+    return [_with_warning(r, roots) for r in results]
 
 
 def _open(root: Root) -> Root:
@@ -265,7 +265,7 @@ def _envelope(r: float, Ts: float) -> float:
     return float(-Ts / np.log(r)) if r < 1.0 - _ON_CIRCLE else np.inf
 
 
-def _warned(root: Root, roots: np.ndarray) -> Root:
+def _with_warning(root: Root, roots: np.ndarray) -> Root:
     """The root with a note if the linear approximation is inaccurate."""
     distances = np.abs(roots - root.value)
     distance = np.sort(distances)[1] if len(roots) > 1 else np.inf

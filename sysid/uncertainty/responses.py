@@ -25,14 +25,14 @@ class FrequencyResponse:
 def step(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
     """Output over time [s] for a unit step of the input at the operating point u."""
     G = tangent(info.chain, info.theta, u)
-    return _driven(info, G, np.ones(_length(G, samples)), level)
+    return _response_band(info, G, np.ones(_length(G, samples)), level)
 
 
 @checked
 def impulse(info: Information, u: float = 0.0, samples: int | None = None, level: float = 0.95) -> Band:
     """Output over time [s] for one sample of 1 at the operating point u (a pulse of one Ts, not a Dirac)."""
     G = tangent(info.chain, info.theta, u)
-    return _driven(info, G, np.eye(1, _length(G, samples))[0], level)
+    return _response_band(info, G, np.eye(1, _length(G, samples))[0], level)
 
 
 @checked
@@ -44,8 +44,8 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     w = np.asarray(w, dtype=float)
     if np.any(w <= 0) or np.any(w > np.pi / info.Ts * (1 + 1e-12)):
         raise InputError(f"frequencies must lie above 0 and up to Nyquist, {np.pi / info.Ts:g} rad/s")
-    B, dB = _at(G.B, G.B_gradient, w * info.Ts)
-    F, dF = _at(G.F, G.F_gradient, w * info.Ts)
+    B, dB = _evaluate(G.B, G.B_gradient, w * info.Ts)
+    F, dF = _evaluate(G.F, G.F_gradient, w * info.Ts)
     if np.any(B == 0) or not np.any(G.B):
         raise InputError(
             f"the tangent's gain is 0 at the operating point u = {u:.4g}; choose a u where the slopes of the maps are "
@@ -63,13 +63,13 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
     return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
 
 
-def _at(p: np.ndarray, dp: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _evaluate(p: np.ndarray, dp: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Polynomial in q^-1 and its gradient at e^(j angle)."""
     powers = np.exp(-1j * np.outer(angle, np.arange(len(p))))
     return powers @ p, powers @ dp
 
 
-def _driven(info: Information, G: Rational, u: np.ndarray, level: float) -> Band:
+def _response_band(info: Information, G: Rational, u: np.ndarray, level: float) -> Band:
     """B/F u with gradient: dy = (dB u - dF y) / F."""
     from scipy.signal import lfilter
 

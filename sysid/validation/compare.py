@@ -96,12 +96,12 @@ def compare(data: IOData, *fits: Any, labels: Sequence[str] | None = None) -> Co
         if not hasattr(f, "fit_percent"):
             raise InputError(f"fits has {short_text(f)}; give fits, as sysid.fit or sysid.load returns them")
     if labels is None:
-        labels = _numbered([f.model.structure for f in fits])
+        labels = _numbered_names([f.model.structure for f in fits])
     labels = tuple(labels)
     if len(labels) != len(fits) or len(set(labels)) != len(labels):
         raise InputError(f"labels are {list(labels)} for {len(fits)} fits; give each fit a different name")
     n = max(f.n_init for f in fits)
-    counts = _scored(data, n)
+    counts = _scored_samples(data, n)
     rows = [_row(label, f, data, n, counts) for label, f in zip(labels, fits, strict=True)]
     rows.sort(key=lambda r: (-r.fit, r.criteria.d))
     ranked = tuple(Row(**{**vars(r), "rank": k}) for k, r in enumerate(rows, 1))
@@ -163,7 +163,7 @@ def cross_validate(
         estimation, left_out = IOData.merge(*rest), data.select(a, b)
         refit = fit(model, estimation, **options)
         n = min(refit.n_init, left_out.N // 2) if n_init is None else n_init
-        counts = _scored(left_out, n)
+        counts = _scored_samples(left_out, n)
         rmse = _rmse((left_out.y[:, 0] - refit.simulate(left_out, n))[counts])
         results.append((refit.fit_percent(left_out, n), rmse, refit.fit_percent(estimation), refit.stop.converged))
     fits, rmses, estimation_fits, converged = zip(*results, strict=True)
@@ -187,7 +187,7 @@ def _row(label: str, fit: Any, data: IOData, n: int, counts: np.ndarray) -> Row:
     )
 
 
-def _scored(data: IOData, n: int) -> np.ndarray:
+def _scored_samples(data: IOData, n: int) -> np.ndarray:
     """True (N,) for measured samples after the first n of each experiment."""
     if min(data.lengths) < n + 2:
         raise InputError(
@@ -201,7 +201,7 @@ def _rmse(e: np.ndarray) -> float:
     return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else np.inf
 
 
-def _numbered(names: list[str]) -> list[str]:
+def _numbered_names(names: list[str]) -> list[str]:
     if len(set(names)) == len(names):
         return names
     return [f"{name} ({k})" if names.count(name) > 1 else name for k, name in enumerate(names, 1)]

@@ -94,8 +94,8 @@ def identify_file(
             recipe, records[0] = in_unit_of(records[0], setting.recipe)
             setting = replace(setting, recipe=recipe)
         absolute = isinstance(setting, Auto) or bool(setting.recipe.zero)
-        record = _merged(records, absolute, preparation)
-        validation_record = _merged(validation_records, absolute, preparation) if validation_records else None
+        record = _merge_prepared(records, absolute, preparation)
+        validation_record = _merge_prepared(validation_records, absolute, preparation) if validation_records else None
         if validation_record is not None:
             check_same_channels(record, validation_record)
             validation_record = replace(validation_record, data=replace(validation_record.data, Ts=record.data.Ts))
@@ -134,7 +134,7 @@ def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[st
         places.add(place)
 
 
-def _merged(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:
+def _merge_prepared(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:
     """The records as they are fitted, as the experiments of one."""
     if absolute:  # a structure of absolute angles
         records = [without_wraps(record) for record in records]

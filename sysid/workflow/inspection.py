@@ -140,7 +140,7 @@ def inspect_file(
     if not unclear:
         signals, problem = _try(table, channel_map, why)
     if problem and mapping is None:
-        channel_map, signals, repairs = _repaired(table, channel_map, why)
+        channel_map, signals, repairs = _repair(table, channel_map, why)
         remarks |= {f"repair.{entry}": "SUGGESTED for this file" for entry in repairs}
     title = f"How {Path(path).name} is read; edit it and give it with --map.\n" + "\n".join((*why, *unclear))
     file = map_path or (None if mapping is None or isinstance(mapping, ChannelMap) else str(mapping))
@@ -191,7 +191,7 @@ def _try(table: Table, mapping: ChannelMap, reasons: tuple[str, ...]) -> tuple[S
         return None, str(error)
 
 
-def _repaired(
+def _repair(
     table: Table, mapping: ChannelMap, reasons: tuple[str, ...]
 ) -> tuple[ChannelMap, Signals | None, tuple[str, ...]]:
     """The mapping with the fewest further repairs that make a record, and their entries; as it was if none do."""

@@ -22,7 +22,7 @@ CLOSE = 0.5  # points of fit within which a smaller model is as good
 
 
 @dataclass(frozen=True)
-class Ahead:
+class Prediction:
     """Prediction `horizon` samples ahead: output (N, ny), its fit [%] of each output, and of holding the last output.
 
     `held` is the fit of y(t - horizon) itself: a prediction that is no better knows nothing.
@@ -45,7 +45,7 @@ class ModelRun:
     percents: tuple[float, ...]
     rmse: tuple[float, ...]
     n_init: int
-    ahead: Ahead | None
+    ahead: Prediction | None
     tests: ResidualTests | None
     notes: tuple[str, ...]
     next: NextStep | None = None
@@ -111,7 +111,7 @@ def on_record(
             sentences.append(f"no residual tests: {error}")
     fall = fell(saved.estimation, float(np.mean(percents)))
     sentences += [fall] if fall else []
-    prediction = None if horizon is None else _ahead(saved, data, counts, horizon)
+    prediction = None if horizon is None else _predict_ahead(saved, data, counts, horizon)
     rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
     result = ModelRun(saved, record, data, y, percents, rmse, n, prediction, tests, tuple(sentences))
     return ModelRun(**{**vars(result), "next": _next(result, reading)})
@@ -139,17 +139,17 @@ def write_outputs(result: ModelRun, path: Any) -> None:
     """The record and the model's outputs as a table: time [s], inputs, measured, free run, prediction."""
     data = result.data
     columns: dict[str, np.ndarray] = {"time_s": data.t}
-    columns |= _named(data.u, data.u_name or "u", data.u_unit)
-    columns |= _named(data.y, data.y_name or "y", data.y_unit)
-    columns |= _named(result.output, data.y_name or "y", data.y_unit, "_free_run")
+    columns |= _columns_of(data.u, data.u_name or "u", data.u_unit)
+    columns |= _columns_of(data.y, data.y_name or "y", data.y_unit)
+    columns |= _columns_of(result.output, data.y_name or "y", data.y_unit, "_free_run")
     if result.ahead is not None:
-        columns |= _named(result.ahead.output, data.y_name or "y", data.y_unit, f"_ahead_{result.ahead.horizon}")
+        columns |= _columns_of(result.ahead.output, data.y_name or "y", data.y_unit, f"_ahead_{result.ahead.horizon}")
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     text = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
     write_text(path, "\n".join(text) + "\n")
 
 
-def _named(values: np.ndarray, name: str, unit: str, suffix: str = "") -> dict[str, np.ndarray]:
+def _columns_of(values: np.ndarray, name: str, unit: str, suffix: str = "") -> dict[str, np.ndarray]:
     end = suffix + (f"_{unit}" if unit.isalpha() else "")
     many = values.shape[1] > 1
     return {f"{name}{j + 1 if many else ''}{end}": column for j, column in enumerate(values.T)}
@@ -164,11 +164,11 @@ def _percents(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, .
     return tuple(percents)
 
 
-def _ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Ahead:
+def _predict_ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Prediction:
     y = saved.fit.predict(data, horizon).reshape(data.y.shape)
     starts = np.repeat(np.cumsum(data.lengths) - data.lengths, data.lengths)
     held = data.y[np.maximum(np.arange(data.N) - horizon, starts)]
-    return Ahead(horizon, y, _percents(data, y, counts), _percents(data, held, counts))
+    return Prediction(horizon, y, _percents(data, y, counts), _percents(data, held, counts))
 
 
 def _next(result: ModelRun, reading: Reading) -> NextStep | None:

@@ -45,7 +45,7 @@ def next_step(result: Identification) -> NextStep | None:
     e = result.evaluation
     is_bad = poor(e.validation_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
-    if is_bad and (first := _as_logged(result)) is not None:
+    if is_bad and (first := _logging_fault(result)) is not None:
         return first
     if not e.fit.stop.converged or (e.growth is not None and e.growth.stopped):
         longer_search = _more_time(result)
@@ -54,9 +54,9 @@ def next_step(result: Identification) -> NextStep | None:
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
-        rules = (_budget, _unseen, _coverage, _nonlinear, _more_starts, _general) if is_bad else ()
+        rules = (_budget, _uncovered_validation, _coverage, _nonlinear, _more_starts, _general) if is_bad else ()
     elif is_bad:
-        rules = (_budget, _unseen, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts)
+        rules = (_budget, _uncovered_validation, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts)
         rules += (_search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)
@@ -70,7 +70,7 @@ def against_the_record(e: Evaluation) -> bool:
     return bool(gain_remarks(e.estimation, e.validation, e.validation_output, None if e.step is None else e.step.y))
 
 
-def _as_logged(result: Identification) -> NextStep | None:
+def _logging_fault(result: Identification) -> NextStep | None:
     """A record whose output jumps as it was logged: no model describes that."""
     for a in result.advice:
         advice_text, _, fix = a.action.rpartition(": ")
@@ -151,9 +151,11 @@ def _focus(result: Identification) -> NextStep | None:
     )
 
 
-def _unseen(result: Identification) -> NextStep | None:
+def _uncovered_validation(result: Identification) -> NextStep | None:
     """Validation data of which a large share is outside the range of the estimation data."""
-    return _coverage(result) if _outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
+    return (
+        _coverage(result) if _share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
+    )
 
 
 def _coverage(result: Identification) -> NextStep | None:
@@ -161,9 +163,9 @@ def _coverage(result: Identification) -> NextStep | None:
     e = result.evaluation
     if result.plan.validation is not None or not extrapolated_signals(e.estimation, e.validation):
         return None
-    limit = _outside(e.estimation, e.validation) / 4
+    limit = _share_outside(e.estimation, e.validation) / 4
     for split in SPLITS:
-        if split > result.split and _outside_after(result, split) <= limit:
+        if split > result.split and _share_outside_split(result, split) <= limit:
             reason = (
                 "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
             )
@@ -171,15 +173,15 @@ def _coverage(result: Identification) -> NextStep | None:
     return None
 
 
-def _outside(estimation: IOData, validation: IOData) -> float:
+def _share_outside(estimation: IOData, validation: IOData) -> float:
     """The largest share over the signals of validation samples outside the range of the estimation data."""
     covered, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
     return float(np.mean((new < covered.min(axis=0)) | (new > covered.max(axis=0)), axis=0).max())
 
 
-def _outside_after(result: Identification, split: float) -> float:
+def _share_outside_split(result: Identification, split: float) -> float:
     try:
-        return _outside(*replace(result.plan, split=split).parts(result.record.data))
+        return _share_outside(*replace(result.plan, split=split).parts(result.record.data))
     except InputError:  # too short for this split
         return np.inf
 
@@ -259,7 +261,7 @@ def command(
     name = "auto" if auto else structure or s.recipe.name
     held = s.held.without_start() if anew or changed or structure is not None else s.held
     plan, files = result.plan, record.files or (record.path,)
-    words = ["qpal", "identify", *map(str, files), *record.options, *_given(plan), "--structure", name]
+    words = ["qpal", "identify", *map(str, files), *record.options, *_preparation_options(plan), "--structure", name]
     if structure is None and not auto:
         words += [*_options(replace(s.recipe, **changed)), *held.options()]
     # A structure whose record counts from zero has its own search, and nothing is removed from its record.
@@ -282,7 +284,7 @@ def command(
     return shlex.join(words)
 
 
-def _given(plan: Plan) -> list[str]:
+def _preparation_options(plan: Plan) -> list[str]:
     """The options of what came before the fit, but the share and the offsets."""
     words = list(replace(plan.preparation, detrend=None).options())
     validation = plan.validation

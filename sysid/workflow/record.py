@@ -123,7 +123,7 @@ def read_record(
     )
     options = _options(given, mapping, range, signals)
     clock = signals.mapping.clock.column or None
-    return Record(path, data, inputs, outputs, clock, signals, options, _numbered(signals))
+    return Record(path, data, inputs, outputs, clock, signals, options, _channel_numbers(signals))
 
 
 def columns(text: str | None, names: Sequence[str]) -> tuple[str, ...]:
@@ -152,7 +152,7 @@ def check_given(given: Given, mapping: Mapping | None) -> None:
             )
 
 
-def _numbered(signals: Signals) -> tuple[str, ...]:
+def _channel_numbers(signals: Signals) -> tuple[str, ...]:
     """A sentence for the names u1, u2 by which others call several channels."""
     sentences = (
         f"{', '.join(f'{letter}{k}' for k in range(1, len(role_signals) + 1))} are the columns "

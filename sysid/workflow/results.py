@@ -208,7 +208,7 @@ class Identification:
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal identify`, ready for JSON."""
         return {
-            "read": {**self.record.as_dict(), **self._prepared()},
+            "read": {**self.record.as_dict(), **self._preparation_summary()},
             **self.evaluation.as_dict(),
             "selection": self.selection.as_dict() if self.selection else None,
             "advice": [vars(a) for a in self.advice],
@@ -216,7 +216,7 @@ class Identification:
             "versions": versions(),
         }
 
-    def _prepared(self) -> dict[str, Any]:
+    def _preparation_summary(self) -> dict[str, Any]:
         """How the record was prepared and split; what was not asked for is left out."""
         plan, validation = self.plan, self.plan.validation
         summary: dict[str, Any] = {"split": plan.split if validation is None else None, "detrend": plan.detrend}

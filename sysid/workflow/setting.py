@@ -117,7 +117,9 @@ class Held:
             if block is None:
                 _check_name(chain, name, "--fix")
             elif value is not None:
-                raise InputError(f"--fix {name}={value:g} names a whole block; name a parameter: {_named(chain)}")
+                raise InputError(
+                    f"--fix {name}={value:g} names a whole block; name a parameter: {_parameter_names(chain)}"
+                )
             if value is not None:
                 values[name] = value
                 continue
@@ -158,7 +160,7 @@ def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
         return replace(saved_chain, fixed=chain.fixed, bounds=chain.bounds), start.theta
     linear = [block for block in chain.blocks if not isinstance(block, (StaticBlock, Channels))]
     if saved_chain.structure == "output_error" and len(linear) == 1 and saved_chain.blocks[0] == linear[0]:
-        return chain, _straight(chain, start, data)
+        return chain, _straight_maps(chain, start, data)
     raise InputError(
         f"--from names a model of structure {saved_chain.structure} with {_orders(saved_chain)}, and the model to "
         "fit is of "
@@ -172,7 +174,7 @@ def _same_space(saved_chain: Chain, chain: Chain) -> bool:
     return isinstance(saved_chain.blocks[0], StateSpace) and saved_chain.names == chain.names
 
 
-def _straight(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
+def _straight_maps(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
     """The saved linear block with its maps as straight lines over their signals."""
     theta = np.zeros(len(chain.names))
     x = data.u
@@ -221,10 +223,10 @@ def _map_name(chain: Chain, role: str) -> str | None:
 
 def _check_name(chain: Chain, name: str, option: str) -> None:
     if name not in chain.names:
-        raise InputError(f"{option} names {name!r}, which the model does not have; it has {_named(chain)}")
+        raise InputError(f"{option} names {name!r}, which the model does not have; it has {_parameter_names(chain)}")
 
 
-def _named(chain: Chain) -> str:
+def _parameter_names(chain: Chain) -> str:
     """The names of the parameters, block by block."""
     texts = []
     for block in chain.blocks:

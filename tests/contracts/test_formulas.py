@@ -7,7 +7,7 @@ from scipy.signal import correlate, lfilter
 
 from sysid import InputError, residual_tests
 from sysid.base.criteria import TABLE, Criterion, criteria, fit_percent
-from sysid.diagnosis.residuals import _allowed as allowed
+from sysid.diagnosis.residuals import _allowed_count as allowed
 
 
 @pytest.mark.parametrize("name", TABLE)
