@@ -49,6 +49,7 @@ def page(result: Information, sections: Sequence[Section] = ()) -> Page:
     """The whole report, with `sections` sections before the parameters."""
     names = ", ".join(joint.name for joint in result.joints)
     grids = [value_grid(name, group, result) for name, group in result.groups().items()]
+    note = ["Rows in grey are nominal; the other rows also show the nominal value."] if result.changed else []
     return Page(
         title="The twin's parameters and its truth",
         subtitle=f"{names}; Ts {result.Ts:g} s" + (f"; parameters of {result.source}" if result.source else ""),
@@ -56,7 +57,7 @@ def page(result: Information, sections: Sequence[Section] = ()) -> Page:
         sections=[
             Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=pictures(result)),
             *sections,
-            Section("Parameters", [_PARAMETERS, *_grey_note(result)], tables=grids),
+            Section("Parameters", [_PARAMETERS, *note], tables=grids),
         ],
         made_with=result.as_dict()["versions"],
     )
@@ -76,7 +77,10 @@ _PARAMETERS = (
 def sentences(result: Information) -> list[str]:
     """Range and speed of each joint, changed parameters, and the number of assumptions."""
     moves = [_moves(joint, _supply(result)) for joint in result.joints]
-    return [*moves, *_changes(result), _assumptions(result)]
+    source = (
+        f"Of {len(result.values)} parameters {result.assumed} are assumptions without a datasheet or a measurement."
+    )
+    return [*moves, *_changes(result), source]
 
 
 def tables(result: Information) -> list[Grid]:
@@ -214,14 +218,6 @@ def _changes(result: Information) -> list[str]:
     rest = len(result.changed) - len(parts)
     parts += [f"{rest} more"] if rest else []
     return [f"Not nominal: {', '.join(parts)}."]
-
-
-def _assumptions(result: Information) -> str:
-    return f"Of {len(result.values)} parameters {result.assumed} are assumptions without a datasheet or a measurement."
-
-
-def _grey_note(result: Information) -> list[str]:
-    return ["Rows in grey are nominal; the other rows also show the nominal value."] if result.changed else []
 
 
 def pictures(result: Information) -> list[Picture]:

@@ -35,12 +35,11 @@ def signatures(
     parameters: Parameters | None = None, begins: Callable[[str], None] = lambda key: None
 ) -> tuple[Signature, ...]:
     """Every signature, in the order of `TABLE`, in about ten seconds; `begins` is called with each one as it begins."""
-    return tuple(_make(key, parameters or Parameters(), begins) for key in TABLE)
-
-
-def _make(key: str, p: Parameters, begins: Callable[[str], None]) -> Signature:
-    begins(key)
-    return TABLE[key](p)
+    results = []
+    for key, make in TABLE.items():
+        begins(key)
+        results.append(make(parameters or Parameters()))
+    return tuple(results)
 
 
 __all__ = ["TABLE", "Axis", "Line", "Mark", "Signature", "Size", "signatures"]
