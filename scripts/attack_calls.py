@@ -56,6 +56,7 @@ def hash_of(name: str) -> int:
 
 
 def main() -> None:
+    """Print the counts of all calls."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--every", type=int, default=1, help="only each so many-th call")
     parser.add_argument("--only", default="", help="only names that contain this")

@@ -22,6 +22,7 @@ from sysid.bench.table import Table
 
 
 def main():
+    """Print the seconds of a loop, of the runner and of two workers, and their ratios."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=12)
     parser.add_argument("--rounds", type=int, default=3)

@@ -43,8 +43,8 @@ class Map:
     """Which tests execute which line, from recorded contexts; `seconds` of the tests that passed."""
 
     def __init__(self, folder: Path) -> None:
-        found = [json.loads(path.read_text()) for path in folder.glob("seconds-*.json")]
-        self.seconds: dict[str, float] = {name: s for part in found for name, s in part.items()}
+        lines_by_test = [json.loads(path.read_text()) for path in folder.glob("seconds-*.json")]
+        self.seconds: dict[str, float] = {name: s for part in lines_by_test for name, s in part.items()}
         self.files: dict[str, list[str]] = defaultdict(list)
         for name in self.seconds:
             self.files[name.split("::")[0]].append(name)
@@ -56,8 +56,8 @@ class Map:
                 for line, contexts in data.contexts_by_lineno(file).items():
                     for kind, _, name in (c.partition("|") for c in contexts if c):
                         # What a fixture does may be for other tests of the file too.
-                        more = self.files[name.split("::")[0]] if kind == "setup" else [name]
-                        self.lines[os.path.relpath(file, ROOT), line] |= set(more) & self.seconds.keys()
+                        others = self.files[name.split("::")[0]] if kind == "setup" else [name]
+                        self.lines[os.path.relpath(file, ROOT), line] |= set(others) & self.seconds.keys()
         self.named: dict[str, list[tuple[Path, int, str]]] = defaultdict(list)  # name -> where, and the owner there
         for path in (p for package in PACKAGES for p in (ROOT / package).rglob("*.py")):
             for top in tree(path).body:

@@ -101,7 +101,7 @@ VERBS = {
 
 
 @dataclass
-class Found:
+class Counts:
     """Counts of one verb."""
 
     seconds: float
@@ -110,11 +110,11 @@ class Found:
     wrong: Counter[str] = field(default_factory=Counter)
     examples: list[str] = field(default_factory=list)
 
-    def fails(self, what: str, where: str, example: str) -> None:
+    def fails(self, fault: str, signal_name: str, example: str) -> None:
         """One failure, with the first few told in full."""
-        self.wrong[f"{where}: {what}"] += 1
+        self.wrong[f"{signal_name}: {fault}"] += 1
         if len(self.examples) < 5:
-            self.examples.append(f"{where} {what}: {example[-600:]}")
+            self.examples.append(f"{signal_name} {fault}: {example[-600:]}")
 
 
 def surroundings(checkout: Path, place: Path) -> dict[str, str]:
@@ -172,7 +172,7 @@ def inputs(place: Path, checkout: Path) -> None:
 def comparable(path: Path) -> object:
     """The content of a file without what differs from run to run."""
     if path.suffix == ".json":
-        return without(json.loads(re.sub(r"\b20\d{6}-\d{6}", "STAMP", path.read_text())))
+        return strip_times(json.loads(re.sub(r"\b20\d{6}-\d{6}", "STAMP", path.read_text())))
     if path.suffix == ".parquet":
         import polars
 
@@ -180,22 +180,24 @@ def comparable(path: Path) -> object:
         names = [name for name in table.columns if not any(word in name for word in LOOSE)]
         return table.select(names).sort(names[:3]).to_dicts()
     if path.name == "journal":  # rows in the order in which workers end
-        return sorted(json.dumps(without(json.loads(line)), sort_keys=True) for line in path.read_text().splitlines())
+        return sorted(
+            json.dumps(strip_times(json.loads(line)), sort_keys=True) for line in path.read_text().splitlines()
+        )
     if path.suffix in (".html", ".png", ".gif"):
         return path.read_bytes()[:4]
     return path.read_bytes()
 
 
-def without(value: object) -> object:
+def strip_times(value: object) -> object:
     """A JSON value without times and the like."""
     if isinstance(value, dict):
-        return {name: without(each) for name, each in value.items() if not any(word in name for word in LOOSE)}
-    return [without(each) for each in value] if isinstance(value, list) else value
+        return {name: strip_times(each) for name, each in value.items() if not any(word in name for word in LOOSE)}
+    return [strip_times(each) for each in value] if isinstance(value, list) else value
 
 
 def contents(place: Path, names: tuple[str, ...]) -> dict[str, object]:
     """Files by name; a folder runs/<stamp>-<verb> goes by its verb alone."""
-    found = {}
+    files = {}
     for name in names:
         top = place / name
         for path in sorted(top.rglob("*")) if top.is_dir() else [top]:
@@ -203,20 +205,20 @@ def contents(place: Path, names: tuple[str, ...]) -> dict[str, object]:
             scratch = any(part.startswith(".") for part in parts)  # `left` judges these
             if path.is_file() and path.suffix != ".journal" and not scratch:
                 key = "/".join(part if part[:2] != "20" else part.split("-")[-1] for part in parts)
-                found[key] = comparable(path)
-    return found
+                files[key] = comparable(path)
+    return files
 
 
 def processes(session: int) -> list[int]:
     """Processes of a session that have not ended."""
-    found = []
+    running = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             with suppress(OSError):
-                said = (entry / "stat").read_text().rpartition(")")[2].split()
-                if int(said[3]) == session and said[0] not in "ZX":
-                    found.append(int(entry.name))
-    return found
+                fields = (entry / "stat").read_text().rpartition(")")[2].split()
+                if int(fields[3]) == session and fields[0] not in "ZX":
+                    running.append(int(entry.name))
+    return running
 
 
 def left(place: Path) -> list[str]:
@@ -226,11 +228,13 @@ def left(place: Path) -> list[str]:
     return hidden + empty + [name for name in os.listdir(place / "tmp") if name.startswith(("qpal-", "tmp", ".qpal"))]
 
 
-def attempt(verb: Verb, given: Path, checkout: Path, number: str, moment: float, expected: dict, found: Found) -> None:
+def attempt(
+    verb: Verb, template: Path, checkout: Path, number: str, moment: float, reference: dict, counts: Counts
+) -> None:
     """One run that is signalled `moment` seconds after it began."""
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         place = Path(name) / "place"
-        shutil.copytree(given, place)
+        shutil.copytree(template, place)
         process = begin(verb, place, checkout)
         try:
             process.wait(moment)
@@ -240,23 +244,23 @@ def attempt(verb: Verb, given: Path, checkout: Path, number: str, moment: float,
         try:
             code = process.wait(30)
         except subprocess.TimeoutExpired:
-            found.fails("did not end within 30 s", number, f"at {moment:.2f} s")
+            counts.fails("did not end within 30 s", number, f"at {moment:.2f} s")
             os.killpg(process.pid, signal.SIGKILL)
             code = process.wait()
         time.sleep(2.0 if processes(process.pid) else 0.0)
-        found.signalled[number] += 1
-        found.ended[f"{number} {code}"] += 1
+        counts.signalled[number] += 1
+        counts.ended[f"{number} {code}"] += 1
         tell = f"at {moment:.2f} s, code {code}: "
-        for each in processes(process.pid):
-            found.fails("a process is left", number, tell + str(each))
-            os.kill(each, signal.SIGKILL)
+        for process_id in processes(process.pid):
+            counts.fails("a process is left", number, tell + str(process_id))
+            os.kill(process_id, signal.SIGKILL)
         own = verb.code == PROGRAM or code not in (-signal.SIGINT, -signal.SIGTERM)  # a script ends as Python does
         if number != "KILL" and code not in (0, 1, 130) and own:
-            found.fails(f"ends with {code}", number, tell + (place / "tmp.err").read_text())
-        said = (place / "tmp.err").read_text()
-        if "Traceback" in said:
-            found.fails("traceback", number, tell + said)
-        check(verb, place, checkout, number, code, (tell, said), expected, found)
+            counts.fails(f"ends with {code}", number, tell + (place / "tmp.err").read_text())
+        errors_text = (place / "tmp.err").read_text()
+        if "Traceback" in errors_text:
+            counts.fails("traceback", number, tell + errors_text)
+        check(verb, place, checkout, number, code, (tell, errors_text), reference, counts)
 
 
 def check(
@@ -265,40 +269,40 @@ def check(
     checkout: Path,
     number: str,
     code: int,
-    said: tuple[str, str],
-    expected: dict,
-    found: Found,
+    messages: tuple[str, str],
+    reference: dict,
+    counts: Counts,
 ) -> None:
     """What stands after a run that ended with `code`, and after the run that follows it."""
-    tell, words = said
-    there = contents(place, verb.out)
-    if there and there != {name: expected[name] for name in there}:
-        found.fails("another output", number, tell + str([n for n in there if there[n] != expected.get(n)]))
-    tops = {name.partition("/")[0] for name in there}
+    tell, words = messages
+    outputs = contents(place, verb.out)
+    if outputs and outputs != {name: reference[name] for name in outputs}:
+        counts.fails("another output", number, tell + str([n for n in outputs if outputs[n] != reference.get(n)]))
+    tops = {name.partition("/")[0] for name in outputs}
     for top in tops:
-        if {name for name in there if name.split("/")[0] == top} != {n for n in expected if n.split("/")[0] == top}:
-            found.fails("half an output", number, tell + str(sorted(there)))
-    if there and "nothing was written" in words:
-        found.fails("says that nothing was written", number, tell + str(sorted(there)))
-    if code == 0 and verb.out and set(there) != set(expected) - set(verb.grows):
-        found.fails("code 0 without output", number, tell)
+        if {name for name in outputs if name.split("/")[0] == top} != {n for n in reference if n.split("/")[0] == top}:
+            counts.fails("half an output", number, tell + str(sorted(outputs)))
+    if outputs and "nothing was written" in words:
+        counts.fails("says that nothing was written", number, tell + str(sorted(outputs)))
+    if code == 0 and verb.out and set(outputs) != set(reference) - set(verb.grows):
+        counts.fails("code 0 without output", number, tell)
     if number != "KILL" and left(place):
-        found.fails("left behind", number, tell + str(left(place)))
-    if (number == "KILL" and not (verb.once and there)) or verb.again:
+        counts.fails("left behind", number, tell + str(left(place)))
+    if (number == "KILL" and not (verb.once and outputs)) or verb.again:
         try:
             whole(verb, place, checkout)
         except RuntimeError as error:
-            found.fails("the next run fails", number, tell + str(error))
+            counts.fails("the next run fails", number, tell + str(error))
             return
     if verb.again:
-        if contents(place, (*verb.out, *verb.grows)) != expected:
-            now = contents(place, (*verb.out, *verb.grows))
-            names = [name for name in {**now, **expected} if now.get(name) != expected.get(name)]
-            found.fails("resumed run differs", number, tell + str(names))
-    elif number == "KILL" and contents(place, verb.out) != expected:
-        found.fails("next run differs", number, tell)
+        if contents(place, (*verb.out, *verb.grows)) != reference:
+            files = contents(place, (*verb.out, *verb.grows))
+            names = [name for name in {**files, **reference} if files.get(name) != reference.get(name)]
+            counts.fails("resumed run differs", number, tell + str(names))
+    elif number == "KILL" and contents(place, verb.out) != reference:
+        counts.fails("next run differs", number, tell)
     if number == "KILL" and left(place):
-        found.fails("left behind", number, tell + str(left(place)))
+        counts.fails("left behind", number, tell + str(left(place)))
 
 
 def moments(count: int, seconds: float, draw: random.Random) -> Iterator[float]:
@@ -306,23 +310,23 @@ def moments(count: int, seconds: float, draw: random.Random) -> Iterator[float]:
     return (seconds * (k + draw.random()) / count for k in range(count))
 
 
-def tried(name: str, given: Path, checkout: Path, count: int, numbers: list[str], progress: Callable) -> Found:
+def tried(name: str, template: Path, checkout: Path, count: int, numbers: list[str], progress: Callable) -> Counts:
     """All signals at all moments of one verb."""
     verb = VERBS[name]
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         place = Path(folder) / "place"
-        shutil.copytree(given, place)
+        shutil.copytree(template, place)
         process = begin(verb, place, checkout)
         began = time.monotonic()
         finish(verb, process, place)
         seconds = time.monotonic() - began
-        expected = contents(place, (*verb.out, *verb.grows))
-    found = Found(seconds)
+        reference = contents(place, (*verb.out, *verb.grows))
+    counts = Counts(seconds)
     for number in numbers:
         for moment in moments(count, seconds, random.Random(f"{name} {number}")):
-            attempt(verb, given, checkout, number, moment, expected, found)
-            progress(f"{name} {number} at {moment:.2f} of {seconds:.2f} s: {dict(found.wrong)}")
-    return found
+            attempt(verb, template, checkout, number, moment, reference, counts)
+            progress(f"{name} {number} at {moment:.2f} of {seconds:.2f} s: {dict(counts.wrong)}")
+    return counts
 
 
 def main() -> None:
@@ -332,30 +336,35 @@ def main() -> None:
     parser.add_argument("--only", action="append", choices=VERBS)
     parser.add_argument("--signals", nargs="*", choices=SIGNALS, default=list(SIGNALS))
     parser.add_argument("--checkout", type=Path, default=HERE)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
-    shown = {}
+    summary = {}
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
-        given = Path(folder) / "given"
-        given.mkdir()
-        inputs(given, asked.checkout)
-        for name in asked.only or VERBS:
+        template = Path(folder) / "given"
+        template.mkdir()
+        inputs(template, options.checkout)
+        for name in options.only or VERBS:
             began = time.monotonic()
-            found = tried(
-                name, given, asked.checkout, asked.moments, asked.signals, lambda text: print(text, file=sys.stderr)
+            counts = tried(
+                name,
+                template,
+                options.checkout,
+                options.moments,
+                options.signals,
+                lambda text: print(text, file=sys.stderr),
             )
-            shown[name] = {
-                "run [s]": round(found.seconds, 2),
-                "signalled": dict(found.signalled),
-                "exit codes": dict(found.ended),
-                "wrong": dict(found.wrong),
-                "examples": found.examples,
+            summary[name] = {
+                "run [s]": round(counts.seconds, 2),
+                "signalled": dict(counts.signalled),
+                "exit codes": dict(counts.ended),
+                "wrong": dict(counts.wrong),
+                "examples": counts.examples,
                 "took [s]": round(time.monotonic() - began),
             }
-            print(json.dumps({name: shown[name]}), file=sys.stderr, flush=True)
-    total = sum(sum(each["signalled"].values()) for each in shown.values())
-    wrong = sum(sum(each["wrong"].values()) for each in shown.values())
-    print(json.dumps({"signalled": total, "wrong": wrong, "verbs": shown}, indent=1))
+            print(json.dumps({name: summary[name]}), file=sys.stderr, flush=True)
+    total = sum(sum(verb_counts["signalled"].values()) for verb_counts in summary.values())
+    wrong = sum(sum(verb_counts["wrong"].values()) for verb_counts in summary.values())
+    print(json.dumps({"signalled": total, "wrong": wrong, "verbs": summary}, indent=1))
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ _PIECE = 100_000
 
 
 def main():
+    """Print a row for each length."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--lengths", type=int, nargs="+", default=[10**k for k in range(3, 8)])
     parser.add_argument("--starts", type=int, default=5)

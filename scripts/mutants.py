@@ -105,6 +105,7 @@ def report(rows: list[dict]) -> str:
 
 
 def main() -> None:
+    """Judge the mutants that the store lacks and print the report."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--modules", nargs="+", default=["sysid/**/*.py"], metavar="GLOB", help="from the top folder")
     parser.add_argument("--per-module", type=int, default=5, help="mutants of a module, at most")

@@ -66,6 +66,7 @@ def measured(path: Path, kind: str) -> dict[str, float]:
 
 
 def main() -> None:
+    """Print a line, or an entry of a document, for each kind of file and what it becomes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rows", type=int, default=10_000_000)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=["csv", "parquet"])

@@ -50,6 +50,7 @@ def score(case, options):
 
 
 def _toolbox(rig, logs, names, label, start):
+    """The row of `mujoco.sysid` from one start."""
     from mujoco import sysid
 
     base = twin.Parameters().replace(start)

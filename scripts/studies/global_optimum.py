@@ -62,6 +62,7 @@ def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
 
 
 def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.ndarray:
+    """Break points (knots,) of a map: even, at quantiles of its input, or at the kinks of the true map."""
     if way == "even":
         return np.linspace(x.min(), x.max(), knots)
     places = np.quantile(x, np.linspace(0, 1, knots))

@@ -130,6 +130,7 @@ def true_at(fit, data, memory, size):
 def _shares_that_hold(
     plant: Plant, true: Information, info: Information, level: float, y: np.ndarray
 ) -> dict[str, float]:
+    """The share of each kind of quantity whose interval holds, and of poles left open."""
     out = {}
     roots, true_roots = intervals.poles(info, level), intervals.poles(true, level)
     index, true_index = pairs(np.array([z.value for z in roots]), np.array([z.value for z in true_roots]))

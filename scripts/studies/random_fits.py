@@ -35,6 +35,7 @@ MAPS = tuple(STATIC)
 
 
 def model(rng: np.random.Generator):
+    """A model of a drawn structure, and its name."""
     nb, nf, nk = int(rng.integers(1, 4)), int(rng.integers(1, 4)), int(rng.integers(0, 3))
     first_map, second_map = str(rng.choice(MAPS)), str(rng.choice(MAPS))
     makers: dict[str, Callable] = {
@@ -55,6 +56,7 @@ def model(rng: np.random.Generator):
 
 
 def record(rng: np.random.Generator) -> sysid.IOData:
+    """A short record with drawn oddities."""
     N = int(rng.integers(60, 400))
     u = {
         "noise": lambda: rng.normal(size=N),

@@ -99,6 +99,7 @@ def goals(rng: np.random.Generator, N: int, Ts: float) -> np.ndarray:
 
 @numba.njit
 def _run(goal, steps_per_sample, delay_steps, speed, lag, rise, fall, stick, stick_speed, pull, tilt, backlash, kp, kd):
+    """Angle of the link (N,) [rad] by steps of `STEP`, the servo's loop included."""
     angle, rate, link, drive = goal[0], 0.0, goal[0], 0.0
     last, slope = np.round(angle / TICK) * TICK, 0.0
     out = np.empty(len(goal))

@@ -157,11 +157,11 @@ def _check_single(place: object, inputs: int, outputs: int) -> None:
         )
 
 
-def _one_rate(where: object, train: IOData, tests: Mapping[str, IOData]) -> None:
+def _one_rate(place: object, train: IOData, tests: Mapping[str, IOData]) -> None:
     for name, test in tests.items():
         if not np.isclose(test.Ts, train.Ts, rtol=1e-6):
             raise InputError(
-                f"{where}: test {name} is sampled every {test.Ts} s and the estimation record every {train.Ts} s; "
+                f"{place}: test {name} is sampled every {test.Ts} s and the estimation record every {train.Ts} s; "
                 "resample one of them (sysid.data.resampling.resample)"
             )
 

@@ -195,8 +195,8 @@ def compare_methods(rows: pl.DataFrame, first: str, rival: str, family: str, mar
 
     They tie on a task if their fits lie within `margin` points.
     """
-    of_both = rows.filter((pl.col("family") == family) & pl.col("method").is_in([first, rival]))
-    fit = of_both.with_columns(pl.when("ok").then("fit").otherwise(float("-inf")).alias("fit"))
+    duel_rows = rows.filter((pl.col("family") == family) & pl.col("method").is_in([first, rival]))
+    fit = duel_rows.with_columns(pl.when("ok").then("fit").otherwise(float("-inf")).alias("fit"))
     wide = fit.pivot("method", index=TASK, values="fit", aggregate_function="first")
     pairs = wide.select(first, rival).drop_nulls().to_numpy()
     return duel(pairs[:, 0], pairs[:, 1], margin)

@@ -67,7 +67,7 @@ class FunctionMethod:
         try:
             with one_blas_thread(), _time_limit(LIMIT * seconds):
                 start_peak()
-                model = self._fitted(data, task)
+                model = self._call_fit(data, task)
                 took, top = time.perf_counter() - began, peak()
                 details = details_of(model)
                 runs = {name: check_run(model.simulate(u, first), len(u)) for name, (u, first) in tests.items()}
@@ -79,7 +79,7 @@ class FunctionMethod:
             return Outcome(f"crashed: {type(error).__name__}: {error}"[:300], seconds=time.perf_counter() - began)
         return Outcome("ok", runs, details, took, top, _version(self.package))
 
-    def _fitted(self, data: Data, task: Task) -> Model:
+    def _call_fit(self, data: Data, task: Task) -> Model:
         return self.fit(data, task) if self.sees_truth else self.fit(data)
 
 

@@ -40,6 +40,7 @@ def command(scenario: str, method: str, seed: int, budget: float | None = None) 
 
 
 def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Iterator[str]:
+    """The sentences of one family: who is first, the duel of the two sides, and what it costs."""
     family, library, peer = row["family"], row["ours"], row["peer"]
     if library is None and peer is None:
         yield (

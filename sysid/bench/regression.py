@@ -96,12 +96,12 @@ def compare(new: pl.DataFrame, base: pl.DataFrame, ours: Collection[str] | None 
             "the tables share no scenario, method and seed; run the base again with the seeds of this version: "
             "qpal bench run --tag quick"
         )
-    lost, regained, unjudged = _statuses(pairs)
+    broken_rows, mended_rows, status_notes = _statuses(pairs)
     results = pairs.filter((pl.col("status") == "ok") & (pl.col("status_base") == "ok"))
-    lost += [*_divergences(results), *_sparse_methods(pairs, results), *_other_records(results)]
+    broken_rows += [*_divergences(results), *_sparse_methods(pairs, results), *_other_records(results)]
     findings = [*_findings(results, 1.0), *_findings(results, -1.0)]
-    notes = (*unjudged, *_missing(new, base), *_budgets(pairs))
-    return Verdict(tuple(findings), tuple(lost), tuple(regained), notes, len(pairs))
+    notes = (*status_notes, *_missing(new, base), *_budgets(pairs))
+    return Verdict(tuple(findings), tuple(broken_rows), tuple(mended_rows), notes, len(pairs))
 
 
 @dataclass(frozen=True)
@@ -120,11 +120,11 @@ def _count(change: np.ndarray, tolerance: float, tasks: np.ndarray) -> _Count:
     from scipy.stats import binom
 
     finite = np.isfinite(change)
-    worse, better = change[finite] > tolerance, change[finite] < -tolerance
-    votes = np.sign(np.bincount(tasks[finite], worse.astype(float) - better))
+    losses, improvements = change[finite] > tolerance, change[finite] < -tolerance
+    votes = np.sign(np.bincount(tasks[finite], losses.astype(float) - improvements))
     plus, minus = int((votes > 0).sum()), int((votes < 0).sum())
-    p = float(binom.sf(worse.sum() - 1, finite.sum(), FLIPPED)) if worse.any() else 1.0
-    return _Count(int(worse.sum()), int(better.sum()), int(finite.sum()), p, _sign_test(plus, minus))
+    p = float(binom.sf(losses.sum() - 1, finite.sum(), FLIPPED)) if losses.any() else 1.0
+    return _Count(int(losses.sum()), int(improvements.sum()), int(finite.sum()), p, _sign_test(plus, minus))
 
 
 def _findings(pairs: pl.DataFrame, direction: float) -> Iterator[Finding]:
@@ -133,10 +133,10 @@ def _findings(pairs: pl.DataFrame, direction: float) -> Iterator[Finding]:
         return
     changes = {m.name: direction * m.change(pairs) for m in TABLE}
     counts = _counts(pairs, changes)
-    rejected = _holm(counts)
+    alarms = _holm(counts)
     for measure in TABLE:
-        methods = sorted(method for name, method in rejected if name == measure.name and method)
-        if methods or (measure.name, "") in rejected:
+        methods = sorted(method for name, method in alarms if name == measure.name and method)
+        if methods or (measure.name, "") in alarms:
             p = min(counts[measure.name, method].p for method in (methods or ("",)))
             yield _finding(measure, pairs, changes[measure.name], methods, direction, p)
 
@@ -156,20 +156,21 @@ def _counts(pairs: pl.DataFrame, changes: dict[str, np.ndarray]) -> dict[tuple[s
 def _holm(counts: dict[tuple[str, str], _Count]) -> set[tuple[str, str]]:
     """The tests that reject together at `ALARM` and whose sign test rejects too."""
     by_probability = sorted((c.p, key) for key, c in counts.items() if c.n)
-    rejected = set()
+    alarms = set()
     for k, (p, key) in enumerate(by_probability):
         if p > ALARM / (len(by_probability) - k):
             break
         if counts[key].sign <= SIGN:
-            rejected.add(key)
-    return rejected
+            alarms.add(key)
+    return alarms
 
 
 def _finding(
     measure: Measure, pairs: pl.DataFrame, change: np.ndarray, methods: list[str], direction: float, p: float
 ) -> Finding:
-    selected = pairs["method"].is_in(methods).to_numpy() if methods else np.ones(len(pairs), dtype=bool)
-    change_of_methods = np.where(selected, change, np.nan)
+    """What one measure found in some methods (all if none are named), with its sentence."""
+    rows_of_methods = pairs["method"].is_in(methods).to_numpy() if methods else np.ones(len(pairs), dtype=bool)
+    change_of_methods = np.where(rows_of_methods, change, np.nan)
     beyond_tolerance, finite = change_of_methods > measure.tolerance, np.isfinite(change_of_methods)
     size = direction * float(np.median(change_of_methods[beyond_tolerance]))
     worst = pairs.row(int(np.nanargmax(change_of_methods)), named=True)
@@ -238,7 +239,7 @@ def _too_wide_or_narrow(pairs: pl.DataFrame, direction: float) -> tuple[bool, st
 
 def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:
     """Rows that lost their result, rows that gained one, and changes that depend on time or on what is installed."""
-    lost, regained, notes = list[str](), list[str](), list[str]()
+    broken_rows, mended_rows, notes = list[str](), list[str](), list[str]()
     for row in pairs.filter(pl.col("status") != pl.col("status_base")).iter_rows(named=True):
         cell = f"{row['scenario']}, {row['method']}, seed {row['seed']}"
         sentence = f"{cell}: {_full_stop(row['status'])} Before: {_full_stop(row['status_base'])}"
@@ -246,10 +247,10 @@ def _statuses(pairs: pl.DataFrame) -> tuple[list[str], list[str], list[str]]:
         if any(status.startswith((STOPPED, *UNTRIED)) for status in statuses):
             notes.append(f"Not judged: {sentence}")
         elif "ok" in statuses:
-            (lost if row["status_base"] == "ok" else regained).append(sentence)
+            (broken_rows if row["status_base"] == "ok" else mended_rows).append(sentence)
         else:
             notes.append(f"Failed in another way: {sentence}")
-    return lost, regained, list(_shorten(notes))
+    return broken_rows, mended_rows, list(_shorten(notes))
 
 
 def _divergences(results: pl.DataFrame) -> Iterator[str]:

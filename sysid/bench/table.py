@@ -121,8 +121,10 @@ class Table:
             finally:
                 self.merge()
 
-    def _conflict(self, who: str) -> str:
-        return f"another run writes to {self.path} ({who}); give this one another --out, or wait until that one ends"
+    def _conflict(self, process: str) -> str:
+        return (
+            f"another run writes to {self.path} ({process}); give this one another --out, or wait until that one ends"
+        )
 
     def _mend(self) -> None:
         """Rows that do not hold leave the table, so that they are run again; `notes` says so."""

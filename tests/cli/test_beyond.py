@@ -219,9 +219,9 @@ def test_ablation_in_the_report(monkeypatch, tmp_path, capsys):
 def test_a_fit_below_zero_counts_as_none():
     rows = (ablation.Row("friction", 30.0), ablation.Row("noise", -500.0), ablation.Row("end_stops", None, 20.0, "off"))
     a = ablation.Ablation("thigh", "drawn sweep", 98.0, (ablation.Row("play", 97.0),), -200.0, rows)
-    assert [a.gained(row) for row in rows[:2]] == [30.0, 0.0]
-    assert np.isnan(a.gained(rows[2]))
-    assert a.lost(a.joint[0]) == 1.0
+    assert [a.points_gained(row) for row in rows[:2]] == [30.0, 0.0]
+    assert np.isnan(a.points_gained(rows[2]))
+    assert a.points_lost(a.joint[0]) == 1.0
     assert a.behind == 98.0
 
 

@@ -217,15 +217,15 @@ def ablation_sentences(ablations: Sequence[Ablation]) -> list[str]:
     """The most important part on each record, and the effect of the most important imperfection."""
     texts = []
     for a in ablations:
-        main = max((row for row in a.joint if row.fit is not None), key=a.lost)
+        main = max((row for row in a.joint if row.fit is not None), key=a.points_lost)
         single = [row for row in a.paper if row.fit is not None and row.part in a.single]
-        best = max(single, key=a.gained)
+        best = max(single, key=a.points_gained)
         fits = [row.fit for row in a.paper if row.part == ablation.BARE and row.fit is not None]
         text = f" With all imperfections off but the end stops it reaches {percent(fits[0])}." if fits else ""
         texts.append(
-            f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses {a.lost(main):.1f} "
-            f"points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
-            f"the twin improves it by at most {max(a.gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
+            f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses "
+            f"{a.points_lost(main):.1f} points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
+            f"the twin improves it by at most {max(a.points_gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
         )
     return texts
 
@@ -234,7 +234,7 @@ def parts_table(ablations: Sequence[Ablation]) -> Grid:
     """Points that the actuated joint loses without each part."""
     rows = [["nothing left out: fit", *(percent(a.joint_fit) for a in ablations)]]
     for part in [row.part for row in ablations[0].joint]:
-        rows.append([part, *(_points(a, a.joint, part, a.lost) for a in ablations)])
+        rows.append([part, *(_points(a, a.joint, part, a.points_lost) for a in ablations)])
     return Grid(_headings(ablations), rows, "Points of fit that the actuated joint loses without a part")
 
 
@@ -267,7 +267,10 @@ def bars_figure(ablations: Sequence[Ablation]) -> Figure:
     panels = []
     for record in RECORDS:
         of_record = [a for a in ablations if a.record == record]
-        joints, papers = ([(a.joint, a.lost) for a in of_record], [(a.paper, a.gained) for a in of_record])
+        joints, papers = (
+            [(a.joint, a.points_lost) for a in of_record],
+            [(a.paper, a.points_gained) for a in of_record],
+        )
         panels.append(_bars_panel(of_record, joints, f"model without, {record}", "points lost"))
         panels.append(_bars_panel(of_record, papers, f"twin without, {record}", "points gained"))
     return Figure(panels, columns=2, shared=False, height=8.4, legend="below")

@@ -93,11 +93,11 @@ class Ablation:
         """The imperfections that were left out one at a time."""
         return SHARED
 
-    def lost(self, row: Row) -> float:
+    def points_lost(self, row: Row) -> float:
         """Points of fit that the actuated joint loses without a part."""
         return self.joint_fit - row.fit if row.fit is not None else np.nan
 
-    def gained(self, row: Row) -> float:
+    def points_gained(self, row: Row) -> float:
         """Points of fit that the paper's structure gains without an imperfection; a fit below 0 counts as 0.
 
         A model worse than the mean is useless, and how much worse it is depends on chance.

@@ -182,6 +182,7 @@ def run(
 
 
 def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str], None], ablated: bool) -> JointResult:
+    """The result of one joint: its log, three models, ceiling, and what goes beyond the paper."""
     announce(f"{joint}: experiment")
     log = twin.Experiment(joint=joint, excitation="sweep", duration=duration, Ts=TS, seed=seed).run()
     estimation, validation = quick_start(log.io())
@@ -191,7 +192,7 @@ def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str],
     default = evaluate(DEFAULT, estimation, validation)
     announce(f"{joint}: the paper's final model")
     final = evaluate(PAPER[joint].setting, estimation, validation)
-    further = beyond.run(joint, PAPER[joint].setting, log, final, seed, duration, announce)
+    trials = beyond.run(joint, PAPER[joint].setting, log, final, seed, duration, announce)
     return JointResult(
         joint=joint,
         paper=PAPER[joint],
@@ -201,12 +202,13 @@ def _run_joint(joint: str, seed: int, duration: float, announce: Callable[[str],
         default=default,
         final=final,
         ceiling=beyond.ceiling(log, slice(estimation.N + final.fit.n_init, None)),
-        beyond=further,
-        ablation=ablation.run(further, PAPER[joint].setting, announce) if ablated else (),
+        beyond=trials,
+        ablation=ablation.run(trials, PAPER[joint].setting, announce) if ablated else (),
     )
 
 
 def _joint_summary(r: JointResult) -> dict[str, Any]:
+    """One joint, ready for JSON."""
     paper = r.paper
     return {
         "nlarx": r.nlarx.as_dict(),

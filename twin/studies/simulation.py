@@ -51,14 +51,14 @@ class Simulation:
             "joint": self.log.joint,
             "samples": self.log.N,
             "Ts": self.log.Ts,
-            "angle_range": self._each({part.joint: list(part.range) for part in self.parts}),
-            "resting_at_ends": self._each({part.joint: part.resting for part in self.parts}),
+            "angle_range": self._by_joint({part.joint: list(part.range) for part in self.parts}),
+            "resting_at_ends": self._by_joint({part.joint: part.resting for part in self.parts}),
             "log": dict(self.log.meta),
-            "truth": self._each({part.joint: part.truth.as_dict() for part in self.parts}),
+            "truth": self._by_joint({part.joint: part.truth.as_dict() for part in self.parts}),
             "versions": versions(),
         }
 
-    def _each(self, values: Mapping[str, Any]) -> Any:
+    def _by_joint(self, values: Mapping[str, Any]) -> Any:
         return values[self.log.joint] if self.log.joint in values else dict(values)
 
 

@@ -182,6 +182,7 @@ def _refusal(source: Source, way: str, name: str, at: float | None) -> str:
 
 
 def _check_mjcf(source: Source, name: str) -> None:
+    """Raises InputError, with the reason, for a fit that MJCF has no elements for."""
     fit = source.fit
     if source.data.N < LEAST:
         raise InputError(

@@ -96,11 +96,11 @@ def outliers(plant: Plant, rng: np.random.Generator) -> Record:
 
 def missing(plant: Plant, rng: np.random.Generator) -> Record:
     """A sixth of the outputs was not measured, in gaps of 1 to 20 samples."""
-    good, lost = record(plant, rng), np.zeros(N, dtype=bool)
-    while lost.mean() < 1.0 / 6.0:
+    good, is_missing = record(plant, rng), np.zeros(N, dtype=bool)
+    while is_missing.mean() < 1.0 / 6.0:
         k = int(rng.integers(1, N - 21))
-        lost[k : k + int(rng.integers(1, 21))] = True
-    return replace(good, missing=lost, given=f"{lost.sum()} of {N} outputs missing")
+        is_missing[k : k + int(rng.integers(1, 21))] = True
+    return replace(good, missing=is_missing, given=f"{is_missing.sum()} of {N} outputs missing")
 
 
 def drift(plant: Plant, rng: np.random.Generator) -> Record:
@@ -125,7 +125,7 @@ def feedback(plant: Plant, rng: np.random.Generator) -> Record:
     return Record(u, plant.run(u) + e, noise, f"closed loop of gain {K:.2g}, {N} samples")
 
 
-def quantised(plant: Plant, rng: np.random.Generator) -> Record:
+def coarse_sensor(plant: Plant, rng: np.random.Generator) -> Record:
     """The sensor has 12 levels over its range."""
     good = record(plant, rng)
     step = float(np.ptp(good.y)) / 12.0
@@ -156,7 +156,7 @@ SPOILT: dict[str, Callable[[Plant, np.random.Generator], Record]] = {
     "missing": missing,
     "outliers": outliers,
     "poor": poor,
-    "quantised": quantised,
+    "quantised": coarse_sensor,
     "short": short,
     "units": units,
 }
