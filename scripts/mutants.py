@@ -27,7 +27,7 @@ from functools import cache
 from pathlib import Path
 
 from executed import PACKAGES, ROOT, Map, record, tree
-from mutations import sites, spliced, variants
+from mutations import sites, splice, variants
 
 COMPILED = re.compile(r"^\s*@(njit|jit|cfunc|kernel|callback|vectorize|guvectorize|intrinsic)\b", re.MULTILINE)
 
@@ -45,7 +45,7 @@ def mutants(path: Path, rng: random.Random, count: int) -> list[dict]:
         row = {"file": os.path.relpath(path, ROOT), "line": node.lineno, "version": version}
         row |= {"old": " ".join(ast.unparse(node).split()), "new": " ".join(ast.unparse(new).split())}
         row["key"] = json.dumps([row["file"], row["version"], node.lineno, node.col_offset, row["new"]])
-        rows.append(row | {"text": spliced(text, node, new), "first": first, "last": last})
+        rows.append(row | {"text": splice(text, node, new), "first": first, "last": last})
     return rows
 
 

@@ -224,8 +224,8 @@ def ablation_sentences(ablations: Sequence[Ablation]) -> list[str]:
         text = f" With all imperfections off but the end stops it reaches {percent(fits[0])}." if fits else ""
         texts.append(
             f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses "
-            f"{a.points_lost(main):.1f} points. The paper's structure is {a.behind:.1f} points behind; switching off a single imperfection of "
-            f"the twin improves it by at most {max(a.points_gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
+            f"{a.points_lost(main):.1f} points. The paper's structure is {a.behind:.1f} points behind; switching "
+            f"off a single imperfection of the twin improves it by at most {max(a.points_gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
         )
     return texts
 
