@@ -225,7 +225,8 @@ def ablation_sentences(ablations: Sequence[Ablation]) -> list[str]:
         texts.append(
             f"{a.name.capitalize()}, {a.record}: without its {main.part} the actuated joint loses "
             f"{a.points_lost(main):.1f} points. The paper's structure is {a.behind:.1f} points behind; switching "
-            f"off a single imperfection of the twin improves it by at most {max(a.points_gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
+            f"off a single imperfection of the twin improves it by at most "
+            f"{max(a.points_gained(best), 0.0):.1f} points ({_words(best.part)}).{text}"
         )
     return texts
 
