@@ -183,10 +183,7 @@ class Experiment:
 
     @checked
     def prepare(
-        self,
-        model: mujoco.MjModel | None = None,
-        u: np.ndarray | None = None,
-        start: Mapping[str, float] | None = None,
+        self, model: mujoco.MjModel | None = None, u: np.ndarray | None = None, start: Mapping[str, float] | None = None
     ) -> Run:
         """The simulation of the experiment; `model` if the caller has compiled it already.
 
@@ -255,9 +252,7 @@ def run_all(experiments: Sequence[Experiment], threads: int = 1) -> list[Log]:
 
 
 def prepare_runs(
-    experiments: Sequence[Experiment],
-    u: np.ndarray | None = None,
-    starts: Sequence[Mapping[str, float]] | None = None,
+    experiments: Sequence[Experiment], u: np.ndarray | None = None, starts: Sequence[Mapping[str, float]] | None = None
 ) -> list[Run]:
     """The simulations of experiments with the same joint and realisation; each different model is compiled once.
 

@@ -58,13 +58,7 @@ def _rod_joint(joint: str, **nominal: float) -> list[Row]:
         ("retracted_length", 0.05, 0.5, "m", "tendon range: pin to pin when retracted"),
         ("stroke", 0.01, 0.4, "m", "tendon range: extended minus retracted length"),
         ("base_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the actuator's body"),
-        (
-            "base_angle",
-            -np.pi,
-            np.pi,
-            "rad",
-            "site: angle of that pin from the leg's outward direction, up positive",
-        ),
+        ("base_angle", -np.pi, np.pi, "rad", "site: angle of that pin from the leg's outward direction, up positive"),
         ("rod_radius", 0.02, 0.4, "m", "site: joint axis to the pin of the rod"),
         ("rod_angle", -np.pi, np.pi, "rad", "site: angle of that pin at joint angle 0, up positive"),
         ("coulomb", 0, 500, "N", "friction row: dry friction of screw and gear without load, at the rod"),
@@ -136,16 +130,7 @@ _ROWS_IN_ORDER = (
         False,
     ),
     *_rows_of("delay", "noise"),
-    Row(
-        "pot_range",
-        np.deg2rad(270.0),
-        0.5,
-        6.3,
-        "rad",
-        GUESS,
-        "pot: electrical angle of the ADC's full range",
-        False,
-    ),
+    Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle of the ADC's full range", False),
     *_rows_of("adc"),
     Row(
         "pot_supply", 5.0, 1, 24, "V", GUESS, "pot: voltage over pot_range; scale of the reference in servo mode", False

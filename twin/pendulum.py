@@ -121,11 +121,7 @@ class Pendulum:
 
 @checked(late=True)
 def respond(
-    pendulums: Sequence[Pendulum],
-    u: np.ndarray,
-    Ts: float,
-    starts: Sequence[float] | np.ndarray,
-    threads: int = 2,
+    pendulums: Sequence[Pendulum], u: np.ndarray, Ts: float, starts: Sequence[float] | np.ndarray, threads: int = 2
 ) -> np.ndarray:
     """Angles (runs, N) [rad] that the sensor reads at k Ts, one row for each pendulum, all in one batch.
 

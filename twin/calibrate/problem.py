@@ -252,12 +252,7 @@ class Simulations:
         return sign * np.minimum(h, np.maximum(room_above, room_below))
 
     def _both_sides(
-        self,
-        p: np.ndarray,
-        base: list[np.ndarray],
-        columns: Sequence[int],
-        steps: np.ndarray,
-        changes: np.ndarray,
+        self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray, changes: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Steps and changes from the point as far on the other side; one-sided where a bound leaves no room for it."""
         room = np.where(steps > 0.0, (p - self.low)[columns], (self.high - p)[columns])

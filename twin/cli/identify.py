@@ -53,8 +53,7 @@ def identify(
         typer.Option(metavar="ROLE.NAME=VALUE", help="hold a parameter; ROLE alone: a block, at --from (repeatable)"),
     ] = None,
     bound: Annotated[
-        list[str] | None,
-        typer.Option(metavar="ROLE.NAME=LOW:HIGH", help="bounds of a parameter (repeatable)"),
+        list[str] | None, typer.Option(metavar="ROLE.NAME=LOW:HIGH", help="bounds of a parameter (repeatable)")
     ] = None,
     start: Annotated[
         str | None,

@@ -10,8 +10,7 @@ from twin.cli.output import run_folder
 
 ModelFile = Annotated[str, typer.Argument(metavar="MODEL", help="model.json of a fit, as qpal identify writes it")]
 Detrend = Annotated[
-    str,
-    options.name("what to remove from the record, for a model whose file holds no offsets [none]", DETREND),
+    str, options.name("what to remove from the record, for a model whose file holds no offsets [none]", DETREND)
 ]
 Resample = Annotated[bool, typer.Option("--resample", help="bring the record to the model's sampling time")]
 

@@ -128,12 +128,7 @@ def compare(
     requested_parts, p = parts(apply), parameters or Parameters()
     if joint not in JOINTS:
         raise unknown("joint", joint, JOINTS)
-    options: dict[str, Any] = {
-        "without": without,
-        "pot_side": pot_side,
-        "realisation": realisation,
-        "threads": threads,
-    }
+    options: dict[str, Any] = {"without": without, "pot_side": pot_side, "realisation": realisation, "threads": threads}
     check_length(log.N)
     if log.u_unit != "V":
         raise InputError(

@@ -24,7 +24,4 @@ class Stribeck(Imperfection):
         "Automatica 30, 1994, section 4). Each slip begins where the motor's torque reaches the static friction."
     )
     ideal: ClassVar = {"JOINT.stribeck": 0.0}
-    joint: ClassVar = {
-        "STRIBECK": "JOINT.stribeck",
-        "STRIBECK_SPEED": "JOINT.stribeck_speed",
-    }
+    joint: ClassVar = {"STRIBECK": "JOINT.stribeck", "STRIBECK_SPEED": "JOINT.stribeck_speed"}

@@ -63,11 +63,7 @@ def add_sensor(spec: mujoco.MjSpec) -> None:
 
 
 def user_data(
-    model: mujoco.MjModel,
-    circuits: Sequence[Circuit],
-    servo: bool = False,
-    pot_on_link: bool = True,
-    seed: int = 0,
+    model: mujoco.MjModel, circuits: Sequence[Circuit], servo: bool = False, pot_on_link: bool = True, seed: int = 0
 ) -> np.ndarray:
     """User data (nuserdata,) of the board of `model` with `circuits`, one for each actuator; they share one supply.
 
