@@ -171,6 +171,7 @@ class _Bench:
         return 2 if all(out) else out[0] - out[1]
 
     def _check_moves(self, travel: Travel) -> None:
+        """Raises InputError if friction holds the joint in `travel`, with the voltages that would start it."""
         play = self.truth.backlash / self.stroke
         if travel.width - play >= MOVES:
             return
@@ -206,6 +207,7 @@ class _Bench:
         )
 
     def _increase(self) -> Iterator[dict[str, Any]]:
+        """Options in the order in which they are tried to reach both ends: amplitude, reach, longer times."""
         yield {}
         amplitude = self.signal["amplitude"]
         options: dict[str, Any] = {}

@@ -89,6 +89,7 @@ class Experiment:
             )
 
     def _check_times(self) -> None:
+        """Raises InputError for a duration or sampling time that the simulation does not take."""
         for name in ("Ts", "duration"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, Real) or not 0 < float(value) < np.inf:
@@ -140,6 +141,7 @@ class Experiment:
         return self.signals()[0]
 
     def _signal(self, joint: str) -> excitations.Excitation:
+        """The excitation of `joint`: its defaults, then `options`; raises InputError for unknown ones."""
         if self.excitation not in excitations.TABLE:
             raise unknown("excitation", self.excitation, excitations.TABLE)
         kind = excitations.TABLE[self.excitation]

@@ -133,6 +133,7 @@ class Follower:
         return self.u[np.minimum(indices, self.log.N - 1)][:, None]
 
     def _experiment(self, parameters: Parameters, steps: int) -> Experiment:
+        """The experiment that lasts `steps` simulation steps with these parameters; its own signal is not used."""
         return Experiment(
             self.joint,
             excitation="staircase" if self.log.mode == "servo" else "sweep",  # never generated

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
-from twin.imperfections import GUESS, Row
+from twin.imperfections import GUESS, Row, board_row
 from twin.imperfections import TABLE as IMPERFECTIONS
 
 JOINTS = ("shoulder", "thigh", "shank")
@@ -107,6 +107,7 @@ def _row(
     enters: str,
     compiled: bool = True,
 ) -> Row:
+    """A row of `joint`; its nominal value is an assumption."""
     return Row(f"{joint}.{name}", nominal[name], float(lower), float(upper), unit, GUESS, enters, compiled)
 
 
@@ -117,24 +118,20 @@ def _rows_of(*names: str) -> list[Row]:
 
 # A row's place decides which of an ensemble's numbers draws it: rows of new imperfections come last.
 _ROWS_IN_ORDER = (
-    Row("supply_voltage", 12.0, 3, 48, "V", GUESS, "drive: motor voltage is limited to plus and minus this", False),
+    board_row("supply_voltage", 12.0, 3, 48, "V", "drive: motor voltage is limited to plus and minus this"),
     *_rows_of("sag", "pwm", "dead_band"),
-    Row(
+    board_row(
         "switch_period",
         0.01,
         0.001,
         0.1,
         "s",
-        GUESS,
         "drive: interval at which the board reads commands, switches and potentiometers",
-        False,
     ),
     *_rows_of("delay", "noise"),
-    Row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", GUESS, "pot: electrical angle of the ADC's full range", False),
+    board_row("pot_range", np.deg2rad(270.0), 0.5, 6.3, "rad", "pot: electrical angle of the ADC's full range"),
     *_rows_of("adc"),
-    Row(
-        "pot_supply", 5.0, 1, 24, "V", GUESS, "pot: voltage over pot_range; scale of the reference in servo mode", False
-    ),
+    board_row("pot_supply", 5.0, 1, 24, "V", "pot: voltage over pot_range; scale of the reference in servo mode"),
     *_rows_of("nonlinearity", "jitter", "dropouts", "gravity"),
     Row("bench_height", 0.6, 0.2, 1, "m", GUESS, "torso of the bench above the floor; at 0.6 the foot hangs free"),
     Row("torso_mass", 4.0, 0.5, 50, "kg", GUESS, "geom mass; the torso's size in the MJCF is from the paper"),

@@ -290,6 +290,7 @@ def rest_angles(parameters: Parameters, joint: str) -> tuple[float, float]:
 
 @lru_cache(maxsize=256)
 def _rest_angles(joint: str, rows: tuple[tuple[str, float], ...]) -> tuple[float, float]:
+    """The cached simulation behind `rest_angles`; `rows` are the parameters, which a cache can hold as a tuple."""
     p = Parameters(dict(rows))
     model, board = bench(joint, p, ALONE), circuit(p, joint, ALONE)
     h, angles = model.opt.timestep, []

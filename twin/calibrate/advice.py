@@ -137,6 +137,7 @@ def comment(value: Value, level: float) -> str:
 
 
 def _head(calibration: Calibration) -> list[str]:
+    """Comments above the values: logs, how the search ended, scores, and what is not determined."""
     provenance = calibration.provenance
     lines = [
         f"Parameters of the twin in SI units, {calibration.joint} calibrated; parameters not named are nominal.",

@@ -28,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
+    """The exit code of the verb that `arguments` name; every way in which a run ends is told here."""
     # Importing takes most of a second, in which a person may change their mind.
     with exit_on_signal(_NOTHING) if arguments is None else nullcontext():
         from typer.exceptions import TyperException

@@ -52,17 +52,13 @@ class _Verb(Verb):
         parameters = super().get_params(ctx)
         for argument in parameters:
             if isinstance(argument, TyperArgument):
-                vars(argument)["display_type_rich"] = _no_type
+                vars(argument)["display_type_rich"] = lambda ctx: None
         return parameters
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         return [
             piece.replace("...}...", "...}").replace("FILE}...", "FILE}") for piece in super().collect_usage_pieces(ctx)
         ]
-
-
-def _no_type(ctx: Any) -> None:
-    return None
 
 
 def build() -> typer.Typer:

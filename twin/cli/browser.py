@@ -37,7 +37,9 @@ def app(
         try:
             for complaint in desk.session.complaints:
                 print(f"Note: {complaint}.")
-            serve(desk, listening, not no_browser, _say)
+            serve(
+                desk, listening, not no_browser, lambda at: print(f"The page is at {at}\nCtrl-C ends it.", flush=True)
+            )
         except KeyboardInterrupt:
             raise console.Interruption(
                 f"the session is kept; open it again with: qpal app --session {folder}"

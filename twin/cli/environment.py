@@ -147,6 +147,7 @@ def plain(text: str) -> str:
 
 
 def _letters(c: str) -> str:
+    """ASCII for one letter: from the table, or from its name and decomposition in Unicode."""
     if c in LETTERS:
         return LETTERS[c]
     kind, *words = unicodedata.name(c, "NONE").split()

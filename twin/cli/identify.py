@@ -167,6 +167,7 @@ def _setting(
     seconds: float | None,
     scheduler: str | None,
 ) -> "Setting | Auto":
+    """How to fit, or how to search a structure; raises InputError for options that do not go together."""
     from sysid.workflow.identification import Auto
     from sysid.workflow.setting import Setting
 

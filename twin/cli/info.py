@@ -113,6 +113,7 @@ def _show_file(
     out: str | None,
     as_json: bool,
 ) -> None:
+    """Report what `file` holds; exit code 1 where it is not yet known how to read it."""
     from sysid.channels.mapping_file import check_map_path
     from sysid.report import inspection as report
     from sysid.report.page import write

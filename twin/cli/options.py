@@ -257,6 +257,7 @@ def _texts(value: Any) -> list[str]:
 
 
 def _check(parameter: Any, texts: list[str]) -> None:
+    """Raises InputError for a text of `parameter` that no file system takes, or that names nothing."""
     metavar, option = str(parameter.metavar or parameter.name), parameter.param_type_name == "option"
     label, remedy = (parameter.opts[0], f"give {metavar}, or leave it out") if option else (metavar, "give its name")
     for text in texts:

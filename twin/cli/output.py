@@ -86,6 +86,7 @@ def output_folder(folder: Path) -> Iterator[Path]:
 
 
 def _reserve(folder: Path) -> tuple[Path, Path]:
+    """The folder and its scratch folder; raises OSError or InputError where it cannot be written to."""
     if folder.exists() and not folder.is_dir():
         raise NotADirectoryError(0, "it is a file")
     if folder.exists() and not os.access(folder, os.W_OK | os.X_OK):

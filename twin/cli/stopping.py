@@ -116,6 +116,7 @@ class Stopping:
         self._repeat(0.0)
 
     def _stop(self, number: int, frame: FrameType | None) -> None:
+        """The handler of all signals: interrupts the run, now or once what must be whole is done."""
         if self._over:
             return
         self.asked = self.asked or number in NUMBERS

@@ -188,6 +188,7 @@ def _write_strip(replay: "Replay | None", names: list[str], count: int, path: Pa
 def _write_frames(
     replay: "Replay", names: list[str], speed: float, frames: str | None, gif: str | None, traces: "Traces | None"
 ) -> None:
+    """Write the frames of the replay as numbered pictures into a folder, or as one GIF."""
     from twin.view import pictures
 
     times = pictures.frame_times(replay, speed, pictures.RATE if gif is None else pictures.GIF_RATE)

@@ -65,9 +65,9 @@ class Alignment:
         if self.turned:
             remark = "it was turned back" if "sign" in self.applied else "--align sign turns it back"
             lines.append(f"The {self.turned} of the log has the opposite sign: {remark}.")
-        direction = "later" if self.delay.value >= 0 else "earlier"
+        shift = f"{1e3 * abs(self.delay.value):.1f} ms {'later' if self.delay.value >= 0 else 'earlier'}"
         lines.append(
-            f"Beside the twin the log comes {_ms(abs(self.delay.value))} {direction} ({_span(self.delay, 1e3, 'ms')}); "
+            f"Beside the twin the log comes {shift} ({_span(self.delay, 1e3, 'ms')}); "
             f"its angle is {self.gear.value:.4f} times the twin's ({_span(self.gear, 1.0, '')}) plus "
             f"{np.degrees(self.offset.value):.2f} deg ({_span(self.offset, 180 / np.pi, 'deg')})."
         )
@@ -76,10 +76,6 @@ class Alignment:
             f"Applied: {part_names}." if part_names else "Nothing of this is applied; --align delay,offset would."
         )
         return lines
-
-
-def _ms(seconds: float) -> str:
-    return f"{1e3 * seconds:.1f} ms"
 
 
 def _span(value: Value, factor: float, unit: str) -> str:

@@ -223,6 +223,7 @@ def _make_comparison(
     joint_pairs: tuple[Pair, ...],
     **fields: Any,
 ) -> Comparison:
+    """The comparison of `log` with the response `other`, by regime and frequency; raises InputError if not finite."""
     if not np.isfinite(response).all():
         raise InputError(f"{label} gives no finite angles under this input; try other parameters or another model")
     u, y = np.asarray(log.u, dtype=float).ravel(), np.asarray(log.y, dtype=float).ravel()

@@ -167,6 +167,7 @@ def spectrum(u: np.ndarray, y: np.ndarray, Ts: float) -> Spectrum:
 
 
 def _welch(u: np.ndarray, y: np.ndarray, Ts: float) -> Spectrum:
+    """The frequency response by Welch's average, where the input has power."""
     length = max(2 * (len(u) // (2 * _SEGMENTS)), 8)
     options = {"fs": 1.0 / Ts, "nperseg": min(length, len(u)), "detrend": "linear"}
     frequency, cross = csd(u, y, **options)

@@ -122,6 +122,7 @@ def best_of(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
 
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
+    """Move all searches by up to `rounds` damped steps; those that fall behind the best one end."""
     start = None
     for index in range(rounds):
         active = [search for search in searches if not search.done]
@@ -242,6 +243,7 @@ def _surprise(trials: Trials, search: Search, state: Mapping[str, float]) -> flo
 
 
 def _move(trials: Trials, search: Search, proposals: Sequence, costs: np.ndarray, N: int) -> None:
+    """Take the best proposal into `search`, or damp the next ones more; the search ends where the fall is small."""
     best = int(np.argmin(costs))
     if costs[best] >= search.cost:
         search.damping *= 100.0

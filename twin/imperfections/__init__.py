@@ -6,7 +6,7 @@ A class declares its parameter rows, their ideal values when it is switched off,
 kernel, and its text. `twin.signatures` has the experiments that show it.
 """
 
-from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, slot_value
+from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, board_row, slot_value
 from twin.imperfections.adc import Adc
 from twin.imperfections.asymmetry import Asymmetry
 from twin.imperfections.backlash import Backlash
@@ -52,4 +52,4 @@ def of_group(*groups: str) -> tuple[str, ...]:
     return tuple(name for name, kind in TABLE.items() if kind.group in groups)
 
 
-__all__ = ["GROUPS", "GUESS", "IMPERFECTIONS", "TABLE", "Imperfection", "Row", "of_group", "slot_value"]
+__all__ = ["GROUPS", "GUESS", "IMPERFECTIONS", "TABLE", "Imperfection", "Row", "board_row", "of_group", "slot_value"]

@@ -29,6 +29,13 @@ class Row:
     compiled: bool = True
 
 
+def board_row(
+    name: str, nominal: float, lower: float, upper: float, unit: str, enters: str, source: str = GUESS
+) -> Row:
+    """A row on which MuJoCo's model does not depend; the motor board, the potentiometer or the logger reads it."""
+    return Row(name, nominal, lower, upper, unit, source, enters, compiled=False)
+
+
 class Imperfection:
     """An imperfection of the leg with its own switch. Subclasses fill in class attributes.
 

@@ -3,7 +3,7 @@
 from math import inf
 from typing import ClassVar
 
-from twin.imperfections._declaration import Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Adc(Imperfection):
@@ -15,15 +15,14 @@ class Adc(Imperfection):
     model = "readings are rounded to multiples of pot_range / 2^adc_bits and limited to the first and the last code."
     parameters = "`adc_bits`, `pot_range`."
     rows = (
-        Row(
+        board_row(
             "adc_bits",
             10,
             4,
             24,
             "1",
-            "assumption: the 10-bit converter usual on such an MCU board",
             "pot: 2^bits codes over pot_range",
-            compiled=False,
+            "assumption: the 10-bit converter usual on such an MCU board",
         ),
     )
     ideal: ClassVar = {"adc_bits": inf}

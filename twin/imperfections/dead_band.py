@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class DeadBand(Imperfection):
@@ -14,16 +14,7 @@ class DeadBand(Imperfection):
     model = "a duty ratio d becomes sign(d) max(|d| − dead_band / supply_voltage, 0)."
     parameters = "`dead_band`."
     rows = (
-        Row(
-            "dead_band",
-            0.3,
-            0,
-            3,
-            "V",
-            GUESS,
-            "drive: voltage that a command loses to the dead time of the bridge",
-            compiled=False,
-        ),
+        board_row("dead_band", 0.3, 0, 3, "V", "drive: voltage that a command loses to the dead time of the bridge"),
     )
     ideal: ClassVar = {"dead_band": 0.0}
     board: ClassVar = {"DEAD_BAND": "dead_band"}

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Delay(Imperfection):
@@ -16,15 +16,13 @@ class Delay(Imperfection):
     )
     parameters = "`delay`, `switch_period`."
     rows = (
-        Row(
+        board_row(
             "delay",
             0.02,
             0,
             1,
             "s",
-            GUESS,
             "drive: from a command's time stamp to the board, which reads commands every switch_period",
-            compiled=False,
         ),
     )
     ideal: ClassVar = {"delay": 0.0}

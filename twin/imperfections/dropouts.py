@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Dropouts(Imperfection):
@@ -16,15 +16,13 @@ class Dropouts(Imperfection):
     )
     parameters = "`dropout_rate`."
     rows = (
-        Row(
+        board_row(
             "dropout_rate",
             0.002,
             0,
             0.2,
             "1",
-            GUESS,
             "pot: share of samples that the logger misses; it repeats the previous one",
-            compiled=False,
         ),
     )
     ideal: ClassVar = {"dropout_rate": 0.0}

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Jitter(Imperfection):
@@ -16,7 +16,5 @@ class Jitter(Imperfection):
         "time."
     )
     parameters = "`sample_jitter`."
-    rows = (
-        Row("sample_jitter", 0.001, 0, 0.05, "s", GUESS, "pot: standard deviation of a sample's time", compiled=False),
-    )
+    rows = (board_row("sample_jitter", 0.001, 0, 0.05, "s", "pot: standard deviation of a sample's time"),)
     ideal: ClassVar = {"sample_jitter": 0.0}

@@ -4,7 +4,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Noise(Imperfection):
@@ -16,16 +16,7 @@ class Noise(Imperfection):
     model = "white Gaussian noise on every reading; in servo mode the position loop has independent noise."
     parameters = "`pot_noise`."
     rows = (
-        Row(
-            "pot_noise",
-            np.deg2rad(0.2),
-            0,
-            0.1,
-            "rad",
-            GUESS,
-            "pot: standard deviation of white noise on a reading",
-            compiled=False,
-        ),
+        board_row("pot_noise", np.deg2rad(0.2), 0, 0.1, "rad", "pot: standard deviation of white noise on a reading"),
     )
     ideal: ClassVar = {"pot_noise": 0.0}
     joint: ClassVar = {"POT_NOISE": "pot_noise"}

@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Nonlinearity(Imperfection):
@@ -14,15 +14,8 @@ class Nonlinearity(Imperfection):
     model = "an angle a is read as a + pot_linearity pot_range sin(2 pi 3 a / pot_range)."
     parameters = "`pot_linearity`, `pot_range`."
     rows = (
-        Row(
-            "pot_linearity",
-            0.001,
-            0,
-            0.01,
-            "1",
-            GUESS,
-            "pot: largest deviation from a straight line, as a share of pot_range",
-            compiled=False,
+        board_row(
+            "pot_linearity", 0.001, 0, 0.01, "1", "pot: largest deviation from a straight line, as a share of pot_range"
         ),
     )
     ideal: ClassVar = {"pot_linearity": 0.0}

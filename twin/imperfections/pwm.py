@@ -3,7 +3,7 @@
 from math import inf
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 def levels(bits: float) -> int:
@@ -22,6 +22,6 @@ class Pwm(Imperfection):
         "does not follow it."
     )
     parameters = "`pwm_bits`, `supply_voltage`."
-    rows = (Row("pwm_bits", 8, 4, 16, "1", GUESS, "drive: duty in steps of 1 / (2^bits - 1)", compiled=False),)
+    rows = (board_row("pwm_bits", 8, 4, 16, "1", "drive: duty in steps of 1 / (2^bits - 1)"),)
     ideal: ClassVar = {"pwm_bits": inf}
     board: ClassVar = {"LEVELS": lambda p, joint: levels(p["pwm_bits"])}

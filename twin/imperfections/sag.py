@@ -2,7 +2,7 @@
 
 from typing import ClassVar
 
-from twin.imperfections._declaration import GUESS, Imperfection, Row
+from twin.imperfections._declaration import Imperfection, board_row
 
 
 class Sag(Imperfection):
@@ -14,15 +14,8 @@ class Sag(Imperfection):
     model = "the bus has V = V0 − R sum of d i over the joints, i = (d V − K w) / Ra, solved for V in each step."
     parameters = "`supply_resistance`."
     rows = (
-        Row(
-            "supply_resistance",
-            1.0,
-            0,
-            10,
-            "Ohm",
-            GUESS,
-            "drive: resistance of supply and wires, shared by all joints",
-            compiled=False,
+        board_row(
+            "supply_resistance", 1.0, 0, 10, "Ohm", "drive: resistance of supply and wires, shared by all joints"
         ),
     )
     ideal: ClassVar = {"supply_resistance": 0.0}

@@ -94,6 +94,7 @@ def user_data(
 
 
 def _electrics(c: Circuit, servo: bool) -> dict[int, float]:
+    """Numbers of motor, friction, drive and potentiometer by slot, and the states at the start."""
     return {
         slots.GEAR: c.motor.gear,
         slots.CONSTANT: c.motor.constant,

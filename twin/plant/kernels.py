@@ -195,6 +195,8 @@ def _weigh(board, j, speed):
 # Numba keeps compiled callbacks by this file's age and by what they close over. They close over the mark of the layout,
 # so that a number more or less on the board compiles them anew, and never runs them on the places of another layout.
 def _control(mark):
+    """The callback before the solver, for boards whose first number is `mark`."""
+
     @callback(types.void(types.intp, types.intp), error_model="numpy")
     def control(model, data):
         """mjcb_control: replaces commands in ctrl by motor voltages and sets dry friction for this step."""
@@ -227,6 +229,8 @@ control = _control(s.MAGIC_VALUE)
 
 
 def _sense(mark):
+    """The callback after the solver, for boards whose first number is `mark`."""
+
     @callback(types.void(types.intp, types.intp, types.int32), error_model="numpy")
     def sense(model, data, stage):
         """mjcb_sensor: writes the board's outputs and stores the solver's forces for the next step's load."""

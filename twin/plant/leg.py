@@ -177,6 +177,7 @@ def _ends(spec: mujoco.MjSpec, p: Parameters, joint: str, suffix: str, on: bool)
 
 
 def _backlash(spec: mujoco.MjSpec, width: float, joint: str, suffix: str) -> None:
+    """Set the range of the play hinge [rad], or weld the link to the drive without it."""
     play = spec.joint(f"{joint}_play{suffix}")
     if width > 0.0:
         play.range = np.rad2deg([-width / 2, width / 2])
