@@ -93,14 +93,11 @@ def calibrate(
         draw = np.random.default_rng(seed)
         optimum = find_optimum(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
         say("intervals")
-        e, J = task.linearise(optimum.p)
-        responses, steps = task.responses_at(optimum.p), [record.Ts for record in task.records]
-        scored_samples = np.concatenate([record.scored for record in task.records])
-        departures, size = discrepancy.estimate(e, J, responses, steps, scored_samples)
         unsure = [*(row.name for row in verdicts if not (row.told or row.missed)), *nuisance_rows]
         wide = _problem(Leg(joint, initial, (*rows, *nuisance_rows), *settings), logs, labels)
         wide.steps = first.steps.copy()
-        cov = discrepancy.covariance(J, departures, size) + _covariance_of_considered(wide, task, optimum, J, unsure)
+        e, J = task.linearise(optimum.p)
+        size, cov = _covariance(wide, task, optimum, e, J, unsure)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
         parameters = _as_board_sees(leg.parameters(task.values(optimum.p)[: len(free_rows)]))
@@ -109,17 +106,18 @@ def calibrate(
     converged, reason = _verdict(optimum, e, J, cov, seconds)
     cov = cov[: len(free_rows), : len(free_rows)]
     std = np.sqrt(np.diag(cov))
+    fixed_sentences = {
+        row.name: row.sentence() + _moved_sentence(row.name, moved_rows, base, parameters)
+        for row in verdicts
+        if not row.told
+    }
     return Calibration(
         joint,
         parameters,
         values,
         cov / np.outer(std, std),
         verdicts,
-        {
-            row.name: row.sentence() + _moved_sentence(row.name, moved_rows, base, parameters)
-            for row in verdicts
-            if not row.told
-        },
+        fixed_sentences,
         optimum,
         converged,
         reason,
@@ -196,6 +194,17 @@ def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool)
     task.steps = first.steps[columns]
     if same:
         task.take_over(task.start, first.responses_at(first.start), J[:, columns])
+
+
+def _covariance(
+    first: Simulations, task: Simulations, optimum: Optimum, e: np.ndarray, J: np.ndarray, unsure: Sequence[str]
+) -> tuple[discrepancy.Sizes, np.ndarray]:
+    """Sizes of noise and departures, and the covariance (n, n) that they and the rows `unsure` of `first` give."""
+    responses, steps = task.responses_at(optimum.p), [record.Ts for record in task.records]
+    scored_samples = np.concatenate([record.scored for record in task.records])
+    departures, size = discrepancy.estimate(e, J, responses, steps, scored_samples)
+    cov = discrepancy.covariance(J, departures, size)
+    return size, cov + _covariance_of_considered(first, task, optimum, J, unsure)
 
 
 def _covariance_of_considered(

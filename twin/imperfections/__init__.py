@@ -2,8 +2,9 @@
 
 `TABLE` has the order of the documentation.
 
-A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board's
-kernel, and its text. `twin.signatures` has the experiments that show it.
+A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board, and
+its text. A state of the board is a slot that begins with a number; `twin.plant.kernels` has the step that moves it.
+`twin.signatures` has the experiments that show an imperfection.
 """
 
 from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, board_row, slot_value
