@@ -2,20 +2,31 @@
 
 A `matplotlibrc` with usetex, other fonts or another backend, or a variable such as MPLBACKEND with odd content, is for
 the user's own figures. It must not change ours, and no result may be lost because a picture could not be drawn.
+
+A report makes many figures and turns each into a PNG at once; pyplot would keep all of them open. So a figure belongs
+to pyplot only inside `for_a_person`, which `data.plot()` and its like use. A notebook shows the figure that a cell
+returns, and would show one of pyplot's a second time; there, and in a script without pyplot, it is a figure of its own.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, suppress
+from contextvars import ContextVar
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from threading import RLock
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from sysid.base.titles import make_room
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 RC: Any = {
     "font.family": "sans-serif",
@@ -75,6 +86,8 @@ _LENDERS = (
     "NanumGothic",
     "Arial Unicode MS",
 )
+DPI = 125
+_ASKED = ContextVar("asked for by a person", default=False)
 LARGEST = 1 << 20  # [byte] of a matplotlibrc
 _LOCK = RLock()  # matplotlib's settings belong to the whole process
 
@@ -158,3 +171,50 @@ def _without_settings() -> Iterator[None]:
         yield
     finally:
         os.chdir(here)
+
+
+@contextmanager
+def for_a_person() -> Iterator[None]:
+    """Within it, new figures are pyplot's where pyplot is loaded, so that `plt.show()` finds them."""
+    token = _ASKED.set(True)
+    try:
+        yield
+    finally:
+        _ASKED.reset(token)
+
+
+def new_figure(**options: Any) -> Figure:
+    """An empty figure; `options` are matplotlib's."""
+    load()
+    from matplotlib import figure
+
+    if not _ASKED.get():
+        return figure.Figure(**options)
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is None or "inline" in pyplot.get_backend().lower():
+        return _sheet()(**options)
+    made: Figure = pyplot.figure(FigureClass=_sheet(), **options)
+    return made
+
+
+@cache
+def _sheet() -> type[Figure]:
+    """A Figure that a notebook shows without pyplot; made on first use, for matplotlib is imported by what draws."""
+    from matplotlib.figure import Figure
+
+    def picture(self: Figure) -> bytes:
+        buffer = io.BytesIO()
+        with house_look():
+            make_room(self)
+            self.savefig(buffer, format="png", dpi=DPI)  # through the canvas that it has: a window stays one
+        return buffer.getvalue()
+
+    body = {"_repr_png_": picture, "__module__": __name__, "__doc__": "A figure that shows itself in a notebook."}
+    return type("Sheet", (Figure,), body)
+
+
+def __getattr__(name: str) -> Any:
+    """`Sheet` by its name, so that a figure can be pickled."""
+    if name == "Sheet":
+        return _sheet()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

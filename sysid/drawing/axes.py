@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base import style
-from sysid.base.log_axes import log_axis
+from sysid.base.style import log_axis
 from sysid.drawing.departure import spread_axis
 from sysid.drawing.figure import (
+    DOTTED,
     Band,
     Bars,
     Figure,
@@ -36,7 +37,6 @@ MARKS = {"dot": "o", "cross": "x", "ring": "o", "plus": "+", "up": "^", "down": 
 DASHES = {"solid": "-", "dot": ":", "dash": "--"}
 SMALL = 7.5  # letters of a note [point]
 LETTER = 0.07  # width of a letter of a label [inch]
-DOTTED = 200  # samples, beyond which dots would only make a line fat
 
 
 @style.styled

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base import style
-from sysid.base.log_axes import power
 from sysid.base.quantities import Quantity, number
+from sysid.base.style import power
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -17,6 +17,7 @@ from sysid.base import style
 from sysid.base.quantities import Quantity
 
 TIME = "time [s]"
+DOTTED = 200  # samples, beyond which dots would only make a line fat
 Limits = tuple[float, float]
 
 

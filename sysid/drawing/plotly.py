@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base import style
-from sysid.base.log_axes import power
+from sysid.base.style import power
 from sysid.drawing.figure import (
     Axis,
     Bars,

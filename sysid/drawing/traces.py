@@ -6,6 +6,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.drawing.figure import (
+    DOTTED,
     Band,
     Bars,
     Histogram,
@@ -77,13 +78,15 @@ def _line(item: Line, panel: Panel, unified: bool) -> Trace:
         hover = f"{panel.x.name} %{{x:.4g}} {panel.x.unit}<br>{panel.y.name} {hover}"
     trace = {
         "type": "scatter",
-        "mode": "lines",
+        "mode": "lines+markers" if item.dots and len(t) < DOTTED else "lines",
         "x": numbers(x),
         "y": numbers(v),
         "line": {"color": item.colour, "width": item.width, "shape": "hv" if item.steps else "linear"},
         "hovertemplate": f"{hover}{note}",
         **_legend_entry(item.label, item.key),
     }
+    if trace["mode"] != "lines":
+        trace["marker"] = {"size": 3}
     if item.dash:
         trace["line"]["dash"] = "dash"
     if item.dash or not item.label:  # a reference

@@ -14,8 +14,8 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import write_text
+from sysid.base.looks import for_a_person
 from sysid.base.quantities import display_quantity, number
-from sysid.base.windows import for_a_person
 from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.signals import Signals

@@ -14,7 +14,7 @@ import sysid
 import twin
 from sysid import plots
 from sysid.base import style
-from sysid.base.windows import for_a_person
+from sysid.base.looks import for_a_person
 
 ODD = {
     "text.usetex": True,

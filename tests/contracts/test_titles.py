@@ -7,8 +7,7 @@ import pytest
 
 from sysid import plots
 from sysid.base import style
-from sysid.base.looks import house_look
-from sysid.base.windows import for_a_person
+from sysid.base.looks import for_a_person, house_look
 from sysid.diagnosis.residuals import residual_tests
 from sysid.drawing.axes import draw
 from twin.report import calibrate, compare_figures, leg
