@@ -97,7 +97,7 @@ def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
             linear = replace(chain.blocks[0], units=0, degree=0, readout=False)
             chain = replace(chain, blocks=(linear, *chain.blocks[1:]))
         chain = chain.scaled(data.u, data.y)
-        normalised = Normal.of(chain, data, sysid.Objective())
+        normalised = Normal.choose(chain, data, sysid.Objective())
         size, chain, data = normalised.size, normalised.chain, normalised.data
         theta = with_initial_states(chain, make_starts(chain, data, 1, seed)[0], data)[0]
         losses["linear_start"] = float(np.mean((data.y - chain.outputs(theta, data.u))[data.observed] ** 2)) * size**2

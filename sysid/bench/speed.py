@@ -59,7 +59,7 @@ def speed(long: int = 1_000_000, plant: str = "textbook") -> dict[str, float]:
 def _per_sample(true: System, model: Chain, n: int, theta: np.ndarray) -> float:
     """Seconds per sample of one iteration of a search: Jacobian, QR and one trial step."""
     data = true.record(n, NOISE, np.random.default_rng(1))
-    problem = ChainProblem.whole(model, theta, data.u[:, 0], data.y[:, 0])
+    problem = ChainProblem.least_squares(model, theta, data.u[:, 0], data.y[:, 0])
 
     def job() -> None:
         Linearisation.of(*problem.linearise(problem.start))

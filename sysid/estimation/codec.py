@@ -27,20 +27,20 @@ _WIDTH = 110
 Names = Mapping[str, str]  # old name -> new name
 
 
-def encode(value: Any, where: str) -> Any:
+def encode(value: Any, place: str) -> Any:
     """Lists, dicts, numbers and strings; numbers that JSON does not know become 'inf', '-inf', 'nan'.
 
-    Raises InputError, with the name `where`, for a value that cannot be written as text.
+    Raises InputError, with the name `place`, for a value that cannot be written as text.
     """
     if is_dataclass(value) and not isinstance(value, type):
-        plain = {f.name: encode(getattr(value, f.name), f"{where}, {f.name}") for f in fields(value) if f.init}
-        return {"kind": _kind(value, where), **plain} if isinstance(value, Block) else plain
+        plain = {f.name: encode(getattr(value, f.name), f"{place}, {f.name}") for f in fields(value) if f.init}
+        return {"kind": _kind(value, place), **plain} if isinstance(value, Block) else plain
     if isinstance(value, Mapping):
-        return {str(k): encode(v, f"{where}, {k}") for k, v in value.items()}
+        return {str(k): encode(v, f"{place}, {k}") for k, v in value.items()}
     if isinstance(value, np.ndarray):
-        return encode(value.tolist(), where)
+        return encode(value.tolist(), place)
     if isinstance(value, (list, tuple)):
-        return [encode(v, where) for v in value]
+        return [encode(v, place) for v in value]
     if isinstance(value, (bool, np.bool_)):
         return bool(value)
     if isinstance(value, (int, np.integer)):
@@ -50,7 +50,7 @@ def encode(value: Any, where: str) -> Any:
     if value is None or isinstance(value, str):
         return value
     raise InputError(
-        f"{where} is a {type(value).__name__}, which a text file cannot store; use a piecewise linear map or a spline "
+        f"{place} is a {type(value).__name__}, which a text file cannot store; use a piecewise linear map or a spline "
         "instead of a custom function"
     )
 
@@ -80,11 +80,11 @@ def lines(value: Any, indent: int = 0) -> str:
     return "[\n" + ",\n".join(f"{pad}{lines(v, indent + 1)}" for v in value) + f"\n{close}]"
 
 
-def _kind(block: Block, where: str) -> str:
+def _kind(block: Block, place: str) -> str:
     for name, block_type in TABLE.items():
         if block_type is type(block):
             return name
-    raise InputError(f"{where} is a {type(block).__name__}, not a block of sysid.blocks; it cannot be saved")
+    raise InputError(f"{place} is a {type(block).__name__}, not a block of sysid.blocks; it cannot be saved")
 
 
 def _block(values: Any) -> Block:

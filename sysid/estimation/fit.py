@@ -79,7 +79,7 @@ def fit_chain(
     search, options = make_search(search).name, (options or Options()).begun()
     objective = objective or LEAST_SQUARES
     _check(model, data, objective)
-    normal = Normal.of(model, data, objective) if start is None else Normal.kept(model, data)
+    normal = Normal.choose(model, data, objective) if start is None else Normal.keep(model, data)
     if starts != AUTO and (isinstance(starts, str) or starts < 1):
         raise InputError(f"starts is {starts!r}; give {AUTO!r} or a number of at least 1")
     context = SearchContext(normal.chain, normal.data, objective, search, options, progress, unit=normal.size)
@@ -142,7 +142,7 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
     """The fit in the units of the record; the search's name and the seconds are left open."""
     with one_blas_thread():
         covariance, d = result.problem.uncertainty(result.outcome.p)
-        problem, outcome = normal.back(model, data, result.problem, result.outcome)
+        problem, outcome = normal.restore(model, data, result.problem, result.outcome)
         thetas = problem.thetas(outcome.p)
         theta, noise = thetas[0], _noise(model, thetas, data)
         covariance = normal.covariance(covariance)

@@ -14,7 +14,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.guard import squared_errors
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.result import Fit
-from sysid.estimation.starts._shared import clip_to_bounds, start_maps
+from sysid.estimation.starts._start import clip_to_bounds, start_maps
 from sysid.model.chain import Chain
 
 _ABOVE = 1.01  # times the errors of the fit that it starts from

@@ -10,7 +10,7 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
-from sysid.estimation.starts._shared import longest, output_error_start, start_maps
+from sysid.estimation.starts._start import longest, output_error_start, start_maps
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.iterate import iterate, time_limit

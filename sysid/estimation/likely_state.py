@@ -67,7 +67,7 @@ def likely_initial(
     )
     states, evidence = [], []
     for g in mixture:
-        linearisation = window if affine else _most_likely(chain, rest, data, g, noise, window)
+        linearisation = window if affine else _search_mode(chain, rest, data, g, noise, window)
         x, log = _posterior(linearisation, g, noise)
         states.append(x)
         evidence.append(log + np.log(g.weight))
@@ -124,7 +124,7 @@ def _linearise(chain: Chain, theta: np.ndarray, data: IOData, x: np.ndarray) -> 
     return _Window(x, r, J, tuple(int(k) for k in observed.sum(axis=1)))
 
 
-def _most_likely(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: float, window: _Window) -> _Window:
+def _search_mode(chain: Chain, rest: np.ndarray, data: IOData, g: Gaussian, noise: float, window: _Window) -> _Window:
     """The linearisation at the most likely states under one Gaussian and white noise."""
 
     def cost(w: _Window, z: np.ndarray) -> float:

@@ -38,7 +38,7 @@ class Normal:
     size: float
 
     @classmethod
-    def of(cls, chain: Chain, data: IOData, objective: Objective) -> "Normal":
+    def choose(cls, chain: Chain, data: IOData, objective: Objective) -> "Normal":
         """The chain and the record in the normal units that the chain's blocks have laws for.
 
         A ridge is in the units of the record by its definition, so that with one all stays as it is.
@@ -49,14 +49,16 @@ class Normal:
                 normal = _rescale_and_mirror(chain, data, a, b)
                 if normal is not None:
                     return normal
-        return cls.kept(chain, data)
+        return cls.keep(chain, data)
 
     @classmethod
-    def kept(cls, chain: Chain, data: IOData) -> "Normal":
+    def keep(cls, chain: Chain, data: IOData) -> "Normal":
         """The units of the record."""
         return cls(chain, data, np.eye(len(chain.names)), np.zeros(len(chain.names)), 1.0)
 
-    def back(self, chain: Chain, data: IOData, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
+    def restore(
+        self, chain: Chain, data: IOData, problem: ChainProblem, outcome: Outcome
+    ) -> tuple[ChainProblem, Outcome]:
         """A problem and the end of its search as those of the chain and record in their own units."""
         thetas = problem.thetas(outcome.p) @ self.M.T + self.m
         original = replace(

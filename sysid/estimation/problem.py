@@ -40,7 +40,7 @@ class ChainProblem:
     scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
 
     @classmethod
-    def whole(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
+    def least_squares(cls, chain: Chain, theta0: np.ndarray, u: np.ndarray, y: np.ndarray) -> "ChainProblem":
         """Plain least squares on one record u, y (N,) over all free parameters."""
         return cls(chain, theta0[None, :], (IOData(u, y),), chain.free)
 
@@ -50,14 +50,14 @@ class ChainProblem:
         return cls(chain, theta0[None, :], (data,), chain.initial)
 
     @cached_property
-    def own(self) -> np.ndarray:
+    def experiment_states(self) -> np.ndarray:
         """Directions (P,) that every further experiment has separately."""
         return self.moving & self.chain.initial
 
     @property
     def start(self) -> np.ndarray:
         """p of theta0."""
-        return np.zeros(int(self.moving.sum()) + (len(self.records) - 1) * int(self.own.sum()))
+        return np.zeros(int(self.moving.sum()) + (len(self.records) - 1) * int(self.experiment_states.sum()))
 
     @cached_property
     def size(self) -> float:
@@ -66,10 +66,10 @@ class ChainProblem:
 
     def thetas(self, p: np.ndarray) -> np.ndarray:
         """All parameters (K, P) at p."""
-        thetas, n, m = self.theta0.copy(), int(self.moving.sum()), int(self.own.sum())
+        thetas, n, m = self.theta0.copy(), int(self.moving.sum()), int(self.experiment_states.sum())
         thetas += self.chain.basis[:, self.moving] @ p[:n]
         for k in range(1, len(self.records)):
-            thetas[k, self.own] = self.theta0[k, self.own] + p[n + (k - 1) * m : n + k * m]
+            thetas[k, self.experiment_states] = self.theta0[k, self.experiment_states] + p[n + (k - 1) * m : n + k * m]
         return thetas
 
     def repair(self, p: np.ndarray) -> np.ndarray:
@@ -174,7 +174,7 @@ class ChainProblem:
         return self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
 
     def _count(self, p: np.ndarray, lin: Linearisation) -> int:
-        free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.own.sum())
+        free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.experiment_states.sum())
         return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
 
     @property
@@ -219,13 +219,13 @@ class ChainProblem:
             J = J * slope[:, None]
         if len(self.records) == 1:
             return e, J
-        n, m = int(self.moving.sum()), int(self.own.sum())
+        n, m = int(self.moving.sum()), int(self.experiment_states.sum())
         wide = np.zeros((len(J), n + (len(self.records) - 1) * m))
         if k == 0:
             wide[:, :n] = J
         else:
-            wide[:, :n] = np.where(self.own[self.moving], 0.0, J)
-            wide[:, n + (k - 1) * m : n + k * m] = J[:, self.own[self.moving]]
+            wide[:, :n] = np.where(self.experiment_states[self.moving], 0.0, J)
+            wide[:, n + (k - 1) * m : n + k * m] = J[:, self.experiment_states[self.moving]]
         return e, wide
 
     def _penalties(self, theta: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:

@@ -13,7 +13,7 @@ from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._shared import longest
+from sysid.estimation.starts._start import longest
 from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting_points
 from sysid.estimation.starts.portfolio.curves import movable_maps
 from sysid.estimation.starts.portfolio.moves import move_breakpoints, pole_alternatives

@@ -42,38 +42,38 @@ class Gaussian:
     weight: float
 
 
-def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, seen: np.ndarray) -> list[Gaussian]:
+def priors(chain: Chain, rest: np.ndarray, u: np.ndarray, sensitivity: np.ndarray) -> list[Gaussian]:
     """The mixture for `rest` (P,), the parameters with initial states of zero, and the input u (N, nu) of the record.
 
     In order: rest; any sample of a record with this input; the steady state of the first input; any steady level;
-    states that the input has not caused, whose effect on the window's outputs is of the size that `seen` (M, s), the
-    outputs' Jacobian divided by their distance from the run at rest, says. Each in several widths.
+    states that the input has not caused, whose effect on the window's outputs is of the size that `sensitivity` (M, s)
+    says, the outputs' Jacobian divided by their distance from the run at rest. Each in several widths.
     """
     states, steady, levels, loose = [], [], [], []
     for part, block, w in _filters(chain, rest, u[:LONGEST]):
-        own = rest[part]
-        visited = _visited(block, own, w)
-        states.append(visited)
+        theta = rest[part]
+        samples = _sampled_states(block, theta, w)
+        states.append(samples)
         with np.errstate(invalid="ignore"):  # a filter that does not settle under an input of zero; left out below
-            steady.append(_constant(block, own) * w[0])
-        level = _held(block, own)
-        levels.append(level[:, None] * np.sqrt(np.mean(block.output(own, w) ** 2)))
-        loose.append(root_of(_visited(block, own, np.eye(1, IMPULSE)[0])))
+            steady.append(_constant(block, theta) * w[0])
+        level = _level_state(block, theta)
+        levels.append(level[:, None] * np.sqrt(np.mean(block.output(theta, w) ** 2)))
+        loose.append(root_of(_sampled_states(block, theta, np.eye(1, IMPULSE)[0])))
     shortest = min(len(s) for s in states)  # the same samples of every filter
-    root, n = root_of(np.hstack([s[len(s) - shortest :] for s in states])), len(seen.T)
-    nothing, mean = np.zeros(n), np.concatenate(steady)
-    held, free = block_diag(*levels), of_size(block_diag(*loose), seen)
-    found = [Gaussian(nothing, np.zeros((n, 0)), 0.3)]
-    found += [Gaussian(nothing, t * root, 0.3 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
-    found += [Gaussian(mean, t * root, 0.2 / 4) for t in (0.3, 0.1, 0.03, 0.0)]
-    found += [Gaussian(nothing, np.hstack([t * held, 0.03 * root]), 0.1 / 2) for t in (1.0, 0.3)]
-    found += [Gaussian(nothing, t * free, 0.1 / 3) for t in (10.0, 3.0, 1.0)]
-    return [g for g in found if np.all(np.isfinite(g.mean)) and np.all(np.isfinite(g.root))]
+    root, n = root_of(np.hstack([s[len(s) - shortest :] for s in states])), len(sensitivity.T)
+    zero, mean = np.zeros(n), np.concatenate(steady)
+    root_levels, free = block_diag(*levels), of_size(block_diag(*loose), sensitivity)
+    mixture = [Gaussian(zero, np.zeros((n, 0)), 0.3)]
+    mixture += [Gaussian(zero, t * root, 0.3 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
+    mixture += [Gaussian(mean, t * root, 0.2 / 4) for t in (0.3, 0.1, 0.03, 0.0)]
+    mixture += [Gaussian(zero, np.hstack([t * root_levels, 0.03 * root]), 0.1 / 2) for t in (1.0, 0.3)]
+    mixture += [Gaussian(zero, t * free, 0.1 / 3) for t in (10.0, 3.0, 1.0)]
+    return [g for g in mixture if np.all(np.isfinite(g.mean)) and np.all(np.isfinite(g.root))]
 
 
-def of_size(root: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """root (s, r) scaled so that `seen` (M, s), which sees the states, makes it 1 in the mean square."""
-    return np.asarray(root / (np.sqrt(np.sum((seen @ root) ** 2) / len(seen)) or 1.0))
+def of_size(root: np.ndarray, sensitivity: np.ndarray) -> np.ndarray:
+    """root (s, r) scaled so that `sensitivity` (M, s), which sees the states, makes it 1 in the mean square."""
+    return np.asarray(root / (np.sqrt(np.sum((sensitivity @ root) ** 2) / len(sensitivity)) or 1.0))
 
 
 def _filters(chain: Chain, rest: np.ndarray, u: np.ndarray) -> Iterator[tuple[slice, TransferFunction, np.ndarray]]:
@@ -86,7 +86,7 @@ def _filters(chain: Chain, rest: np.ndarray, u: np.ndarray) -> Iterator[tuple[sl
                 yield slice(start + part.start, start + part.stop), entry, inputs[k % len(inputs)]
 
 
-def _visited(block: TransferFunction, theta: np.ndarray, w: np.ndarray) -> np.ndarray:
+def _sampled_states(block: TransferFunction, theta: np.ndarray, w: np.ndarray) -> np.ndarray:
     """The block's state x0 (N - n, n) at every sample but the first n of a run from rest with the input w (N,).
 
     x0_i is what the past adds to the output's recursion i samples later: sum_k B_(i+k) w_(-k) - F_(i+k) x_(-k).
@@ -107,7 +107,7 @@ def _constant(block: TransferFunction, theta: np.ndarray) -> np.ndarray:
         return np.asarray((np.cumsum(B[::-1])[::-1] - gain * np.cumsum(F[::-1])[::-1])[1:])
 
 
-def _held(block: TransferFunction, theta: np.ndarray) -> np.ndarray:
+def _level_state(block: TransferFunction, theta: np.ndarray) -> np.ndarray:
     """The state (n,) that keeps the output at 1 while the input is zero."""
     return np.asarray(np.cumsum(block.padded(theta)[1])[:-1])
 
@@ -131,7 +131,7 @@ def state_space_of(chain: Chain) -> StateSpace | None:
 
 
 def state_space_priors(
-    chain: Chain, block: StateSpace, rest: np.ndarray, data: IOData, u: np.ndarray, seen: np.ndarray
+    chain: Chain, block: StateSpace, rest: np.ndarray, data: IOData, u: np.ndarray, sensitivity: np.ndarray
 ) -> list[Gaussian]:
     """The mixture of a state space, with the arguments of `priors` and the window `data`.
 
@@ -140,23 +140,23 @@ def state_space_priors(
     """
     k = chain.blocks.index(block)
     theta, w = chain.part(rest, block), chain.signals(rest, u[:LONGEST])[k].reshape(-1, block.nu)
-    X = block.states(theta, _continued(w))
+    X = block.states(theta, _extend_input(w))
     X = X[np.all(np.isfinite(X), axis=1)]
     X = X[:: max(len(X) // _VISITED, 1)]
-    nothing, root = np.zeros(block.nx), root_of(X)
-    found = [Gaussian(nothing, np.zeros((block.nx, 0)), 0.3)]
+    zero, root = np.zeros(block.nx), root_of(X)
+    mixture = [Gaussian(zero, np.zeros((block.nx, 0)), 0.3)]
     for level in (np.zeros(block.nu), w[0]):
         mean = _steady(block, theta, level)
         if mean is not None:
-            found += [Gaussian(mean, t * root, 0.2 / 8) for t in (0.3, 0.1, 0.03, 0.0)]
-    found += [Gaussian(nothing, t * root, 0.05 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
-    found += _around(X, _misfit(chain, block, rest, data, w, X), 0.4)
-    free = of_size(_impulses(block, theta), seen)
-    found += [Gaussian(nothing, t * free, 0.05 / 3) for t in (10.0, 3.0, 1.0)]
-    return [g for g in found if np.all(np.isfinite(g.root))]
+            mixture += [Gaussian(mean, t * root, 0.2 / 8) for t in (0.3, 0.1, 0.03, 0.0)]
+    mixture += [Gaussian(zero, t * root, 0.05 / 4) for t in (1.0, 0.3, 0.1, 0.03)]
+    mixture += _gaussians_around(X, _misfit(chain, block, rest, data, w, X), 0.4)
+    free = of_size(_impulses(block, theta), sensitivity)
+    mixture += [Gaussian(zero, t * free, 0.05 / 3) for t in (10.0, 3.0, 1.0)]
+    return [g for g in mixture if np.all(np.isfinite(g.root))]
 
 
-def _continued(w: np.ndarray) -> np.ndarray:
+def _extend_input(w: np.ndarray) -> np.ndarray:
     """The input w (N, nu) twice, and pieces of it in drawn order up to `_VISITED` samples: the past is not known.
 
     Pieces keep how an input moves (block bootstrap; Kuensch 1989, Annals of Statistics 17).
@@ -179,12 +179,12 @@ def _misfit(
     ys = [np.ascontiguousarray(column) for column in Y.T]
     for b in chain.blocks[chain.blocks.index(block) + 1 :]:
         ys = b.propagate_all(chain.part(rest, b), ys, [np.empty((len(Y), 0))] * len(ys), 0)[0]
-    apart = np.where(data.observed[:n], data.y[:n] - np.column_stack(ys).reshape(len(X), n, -1), 0.0)
+    distance = np.where(data.observed[:n], data.y[:n] - np.column_stack(ys).reshape(len(X), n, -1), 0.0)
     with np.errstate(over="ignore"):  # from a state at which the run diverges
-        return np.nan_to_num(np.mean(apart**2, axis=(1, 2)), nan=np.inf)
+        return np.nan_to_num(np.mean(distance**2, axis=(1, 2)), nan=np.inf)
 
 
-def _around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:
+def _gaussians_around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:
     """Gaussians around the visited states X (M, nx) of small misfit (M,) that lie apart, each with its neighbours."""
     size = np.std(X, axis=0)
     _, s, Vt = np.linalg.svd((X - X.mean(axis=0)) / np.where(size > 0, size, 1.0), full_matrices=False)
@@ -192,16 +192,16 @@ def _around(X: np.ndarray, misfit: np.ndarray, weight: float) -> list[Gaussian]:
         return []
     own = s > 1e-6 * s[0]
     white = (X / np.where(size > 0, size, 1.0)) @ Vt[own].T / (s[own] / np.sqrt(len(X)))
-    found: list[Gaussian] = []
-    taken = np.zeros(len(X), dtype=bool)
+    gaussians: list[Gaussian] = []
+    excluded = np.zeros(len(X), dtype=bool)
     for k in np.argsort(misfit, kind="stable"):
-        if taken[k] or len(found) == _CANDIDATES:
+        if excluded[k] or len(gaussians) == _CANDIDATES:
             continue
-        apart = np.sum((white - white[k]) ** 2, axis=1)
-        taken |= apart < _APART**2
-        near = np.argsort(apart, kind="stable")[1 : _NEIGHBOURS + 1]
-        found.append(Gaussian(X[k], root_of(X[near] - X[k]), weight * (len(near) + 1) / len(X)))
-    return found
+        distance = np.sum((white - white[k]) ** 2, axis=1)
+        excluded |= distance < _APART**2
+        neighbours = np.argsort(distance, kind="stable")[1 : _NEIGHBOURS + 1]
+        gaussians.append(Gaussian(X[k], root_of(X[neighbours] - X[k]), weight * (len(neighbours) + 1) / len(X)))
+    return gaussians
 
 
 def _impulses(block: StateSpace, theta: np.ndarray) -> np.ndarray:

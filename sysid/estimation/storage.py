@@ -56,11 +56,11 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
     try:
         if not isinstance(document, dict) or str(document.get("format")) not in formats:
-            known = " or ".join(repr(name) for name in formats)
+            names = " or ".join(repr(name) for name in formats)
             other = isinstance(document, dict) and "format" in document
             of_log = "" if other else f", which this makes of a log: {command}"
             raise InputError(
-                f"this is JSON but not a saved fit (its format is not {known}); give a file that save() wrote{of_log}"
+                f"this is JSON but not a saved fit (its format is not {names}); give a file that save() wrote{of_log}"
             )
         return formats[str(document["format"])](document)
     except InputError as e:
@@ -73,11 +73,11 @@ def _refuse_constant(constant: str) -> NoReturn:
 
 def _unique_entries(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A table of the file; JSON's last entry of a name would silently replace those before it."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    table = dict(pairs)
+    if len(table) < len(pairs):
         names = [name for name, _ in pairs]
         raise ValueError(f"it names {next(name for name in names if names.count(name) > 1)[:40]!r} twice in one table")
-    return found
+    return table
 
 
 def version_of(document: dict[str, Any], newest: int) -> int:
@@ -113,8 +113,8 @@ def build_checked(kind: type[F], document: dict[str, Any]) -> tuple[F, list[str]
 
 def _criteria(saved: dict[str, Any]) -> dict[str, Any]:
     """The stored criteria without the derived ones; nan for a loss that an older file does not have."""
-    known = {"loss": "nan", "mse": "nan", **saved}
-    return {f.name: known[f.name] for f in fields(Criteria) if f.name in known}
+    values = {"loss": "nan", "mse": "nan", **saved}
+    return {f.name: values[f.name] for f in fields(Criteria) if f.name in values}
 
 
 def _check(fit: Fit, names: list[str]) -> None:
@@ -146,10 +146,10 @@ def _check_fixed(fit: Fit) -> None:
     A parameter beside its bounds is a warning of the fit: a block's own limits may move it there.
     """
     rounding = 1e-12 * float(np.abs(fit.theta).max(initial=0.0))
-    for name, held in fit.model.fixed.items():
+    for name, fixed_value in fit.model.fixed.items():
         value = float(fit.theta[fit.model.names.index(name)])
-        if abs(value - held) > 1e-9 * max(abs(value), abs(held)) + rounding:
-            raise InputError(f"{name} is {value:g} and fixed at {held:g}; save the fit again")
+        if abs(value - fixed_value) > 1e-9 * max(abs(value), abs(fixed_value)) + rounding:
+            raise InputError(f"{name} is {value:g} and fixed at {fixed_value:g}; save the fit again")
 
 
 def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria) -> None:
@@ -162,11 +162,13 @@ def check_numbers(theta: np.ndarray, covariance: Covariance, criteria: Criteria)
         )
     if covariance.unidentifiable.dtype != bool:
         raise InputError("unidentifiable of the covariance is not a list of true and false; save the fit again")
-    bound = covariance.at_bound
-    if bound is not None and (bound.shape != (P,) or bound.dtype != bool):
+    at_bound = covariance.at_bound
+    if at_bound is not None and (at_bound.shape != (P,) or at_bound.dtype != bool):
         raise InputError(f"at_bound of the covariance is not a list of {P} values true or false; save the fit again")
-    own = np.diag(covariance.cov)
-    if np.any(own < -1e-9 * np.abs(own).max(initial=0.0)) or covariance.noise_variance < 0:  # but for rounding
+    variances = np.diag(covariance.cov)
+    if (
+        np.any(variances < -1e-9 * np.abs(variances).max(initial=0.0)) or covariance.noise_variance < 0
+    ):  # but for rounding
         raise InputError("the covariance has a variance below 0; save the fit again")
     if not 1 <= criteria.N <= MOST or not 0 <= criteria.d <= MOST or criteria.loss < 0 or criteria.mse < 0:
         raise InputError(

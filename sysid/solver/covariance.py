@@ -42,8 +42,8 @@ class Covariance:
         with np.errstate(invalid="ignore", over="ignore"):  # fewer samples than parameters: the variance is infinite
             std = float(np.sqrt(max(float(gradient @ self.cov @ gradient), 0.0)))
             spread = np.sqrt(np.maximum(np.diag(self.cov), 0.0))
-            held = np.any(self.bounded & (gradient != 0.0)) and cancels(gradient, np.array(std), spread)
-        return np.nan if held else std
+            at_limit = np.any(self.bounded & (gradient != 0.0)) and cancels(gradient, np.array(std), spread)
+        return np.nan if at_limit else std
 
 
 def covariance(lin: Linearisation, gauge: np.ndarray, basis: np.ndarray, d: int) -> Covariance:

@@ -78,11 +78,11 @@ _UNTIL: ContextVar[float] = ContextVar("until", default=np.inf)
 @contextmanager
 def time_limit(deadline: float) -> Iterator[None]:
     """Searches inside end at `deadline` [s of time.monotonic()], whatever options they have: those of starts."""
-    before = _UNTIL.set(min(deadline, _UNTIL.get()))
+    previous = _UNTIL.set(min(deadline, _UNTIL.get()))
     try:
         yield
     finally:
-        _UNTIL.reset(before)
+        _UNTIL.reset(previous)
 
 
 SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
@@ -257,11 +257,11 @@ def within_radius(
     """
     radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
     for _ in range(2 * options.max_halvings):
-        proposed = shortest(lin, radius)
-        length = float(np.linalg.norm(lin.scaled(proposed)))
-        cost, delta = attempt(proposed)
-        promised = lin.predicted(delta)
-        ratio = (lin.cost - cost) / promised if promised > 0 and np.isfinite(cost) else -1.0
+        proposal = shortest(lin, radius)
+        length = float(np.linalg.norm(lin.scaled(proposal)))
+        cost, delta = attempt(proposal)
+        drop = lin.predicted(delta)
+        ratio = (lin.cost - cost) / drop if drop > 0 and np.isfinite(cost) else -1.0
         if ratio > 1e-4:
             if ratio > 0.75:
                 radius = max(radius, 2.5 * length)
@@ -283,16 +283,16 @@ class Outcome:
     stop: Stop
     history: tuple[dict[str, Any], ...] = field(default=())
 
-    def then(self, later: "Outcome") -> "Outcome":
+    def then(self, continuation: "Outcome") -> "Outcome":
         """This search and its continuation as one result."""
-        before = self.stop.iterations
+        iterations = self.stop.iterations
         stop = replace(
-            later.stop,
-            iterations=before + later.stop.iterations,
-            evaluations=self.stop.evaluations + later.stop.evaluations,
+            continuation.stop,
+            iterations=iterations + continuation.stop.iterations,
+            evaluations=self.stop.evaluations + continuation.stop.evaluations,
         )
-        rows = tuple({**row, "iteration": row["iteration"] + before} for row in later.history)
-        return Outcome(later.p, later.cost, stop, self.history + rows)
+        rows = tuple({**row, "iteration": row["iteration"] + iterations} for row in continuation.history)
+        return Outcome(continuation.p, continuation.cost, stop, self.history + rows)
 
 
 def linearise_free(problem: Problem, p: np.ndarray) -> tuple[Linearisation, np.ndarray]:
@@ -317,7 +317,7 @@ def iterate(
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     memory: dict[str, Any] = {}
     history: list[dict[str, Any]] = []
-    tried: list[tuple[np.ndarray, np.ndarray]] = []
+    trials: list[tuple[np.ndarray, np.ndarray]] = []
     e = problem.residual(p)
     if e is None or not np.all(np.isfinite(e)):
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
@@ -334,8 +334,8 @@ def iterate(
         e = problem.residual(target)
         with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not
             trial = float(e @ e) if e is not None else np.inf
-        tried.append(((target - p)[moving], target))
-        return (trial if np.isfinite(trial) else np.inf), tried[-1][0]
+        trials.append(((target - p)[moving], target))
+        return (trial if np.isfinite(trial) else np.inf), trials[-1][0]
 
     for iteration in range(options.max_iterations + 1):
         if cost <= problem.size * (100.0 * _EPS) ** 2:
@@ -350,38 +350,42 @@ def iterate(
         if not np.all(np.abs(lin.R) < _LARGEST):
             reason = "the derivatives of the model are too large for numbers"
             break
-        expected = lin.expected_improvement
-        if expected <= options.tolerance:
+        improvement = lin.expected_improvement
+        if improvement <= options.tolerance:
             reason = (
-                f"expected improvement {expected:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
+                f"expected improvement {improvement:.2g} % of the loss, below the tolerance of {options.tolerance:g} %"
             )
             converged = True
             break
         if time.monotonic() > options.deadline:
-            reason = f"limit of {options.max_seconds:g} s reached; expected improvement still {expected:.2g} %"
+            reason = f"limit of {options.max_seconds:g} s reached; expected improvement still {improvement:.2g} %"
             break
         if iteration == options.max_iterations:
             reason = (
-                f"limit of {options.max_iterations} iterations reached; expected improvement still {expected:.2g} %"
+                f"limit of {options.max_iterations} iterations reached; expected improvement still {improvement:.2g} %"
             )
             break
-        tried.clear()
+        trials.clear()
         step = search.step(lin, attempt, memory, options)
         if step is None:
-            reason = f"{search.name} found no descent although the expected improvement is {expected:.2g} % of the loss"
-            converged = expected <= SMALL  # a kink or a bound prevents a small expected improvement
+            reason = (
+                f"{search.name} found no descent although the expected improvement is {improvement:.2g} % of the loss"
+            )
+            converged = improvement <= SMALL  # a kink or a bound prevents a small expected improvement
             break
         # The point that was tried: p + delta may round to one beyond a bound.
-        p, cost = next(target for delta, target in tried if delta is step.delta), step.cost
-        history.append({"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": expected})
+        p, cost = next(target for delta, target in trials if delta is step.delta), step.cost
+        history.append(
+            {"iteration": iteration + 1, "loss": cost / lin.N, "method": step.method, "expected": improvement}
+        )
         if progress is not None:
             progress(iteration + 1, cost / lin.N)
         if stalled(history):
             # Kinks of a map can prevent the expected improvement; a loss that no longer falls ends the search too.
-            converged = expected <= SMALL
+            converged = improvement <= SMALL
             reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
             if not converged:
-                reason += f", although {expected:.2g} % was still expected: a kink of a map or a bound is in the way"
+                reason += f", although {improvement:.2g} % was still expected: a kink of a map or a bound is in the way"
             break
     return Outcome(p, cost, Stop(reason, converged, iteration, evaluations), tuple(history))
 

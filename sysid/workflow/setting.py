@@ -12,7 +12,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.estimation.starts._shared import clip_to_bounds
+from sysid.estimation.starts._start import clip_to_bounds
 from sysid.fitting import load
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe

@@ -7,7 +7,7 @@ from scipy.signal import dlsim, lfilter
 
 import sysid
 from sysid.base.poles import match, mirrored
-from sysid.estimation.starts._shared import refined_iv
+from sysid.estimation.starts._start import refined_iv
 from sysid.linear.linearize import findop, linapp, tangent, tangent_ss
 from sysid.systems import system
 

@@ -70,7 +70,7 @@ def test_standard_deviations_of_a_curve_do_not_depend_on_a_constant(name):
     block, part = chain.blocks[0], chain.index(chain.blocks[0])
     found = []
     for c in (0.0, 4.0):
-        normal = Normal.of(chain, replace(data, u=data.u + c), sysid.Objective())
+        normal = Normal.choose(chain, replace(data, u=data.u + c), sysid.Objective())
         theta = normal.M @ np.random.default_rng(1).normal(size=len(chain.names)) + normal.m
         J = np.zeros((40, block.n_parameters))
         block.propagate(theta[part], data.u[:40, 0] + c, J, 0)
@@ -84,7 +84,7 @@ def test_a_chain_in_normal_units_says_the_same_of_the_record():
     data = replace(data, u=data.u + 5.0, y=data.y - 40.0)
     for own in (*FREE.values(), "dead_zone"):
         chain = S.hammerstein_wiener(2, 2, 1, input=own, output=own)
-        normal = Normal.of(chain, data, sysid.Objective())
+        normal = Normal.choose(chain, data, sysid.Objective())
         centred = own != "dead_zone"
         assert (abs(normal.data.u.mean()) < 1e-9) == (abs(normal.data.y.mean()) < 1e-9) == centred
         theta = starts(normal.chain, normal.data, 1, 0)[0]
@@ -97,7 +97,7 @@ def test_the_mean_of_an_output_is_that_of_its_observed_samples():
     data = record()
     missing = np.arange(data.N) % 7 == 2
     data = replace(data, y=np.where(missing[:, None], 1e6, data.y), missing=missing)
-    normal = Normal.of(S.wiener(1, 1, 1, output="polynomial"), data, sysid.Objective())
+    normal = Normal.choose(S.wiener(1, 1, 1, output="polynomial"), data, sysid.Objective())
     assert abs(normal.data.y[~missing].mean()) < 1e-9
 
 
@@ -106,13 +106,13 @@ def test_a_held_parameter_keeps_its_meaning():
     data = replace(record(), u=record().u + 5.0)
     for held in ({"fixed": {"input.c3": 0.5}}, {"bounds": {"input.c3": (0.0, 1.0)}}):
         chain = S.hammerstein(1, 1, 1, input=Polynomial(2), **held)
-        assert abs(Normal.of(chain, data, sysid.Objective()).data.u.mean()) > 1.0
+        assert abs(Normal.choose(chain, data, sysid.Objective()).data.u.mean()) > 1.0
         fit = sysid.fit(chain, data, starts=1, options=ONE)
         assert 0.0 <= dict(zip(chain.names, fit.theta, strict=True))["input.c3"] <= 1.0
     free = S.hammerstein(1, 1, 1, input=Polynomial(2), fixed={"input.c1": 0.25})
     fit = sysid.fit(free, data, starts=1, options=ONE)
     assert dict(zip(free.names, fit.theta, strict=True))["input.c1"] == 0.25
-    assert abs(Normal.of(free, data, sysid.Objective()).data.u.mean()) < 1e-9, "an offset changes no highest power"
+    assert abs(Normal.choose(free, data, sysid.Objective()).data.u.mean()) < 1e-9, "an offset changes no highest power"
 
 
 def test_each_input_has_an_offset_of_its_own():

@@ -101,7 +101,7 @@ def test_scipy_finds_no_better_optimum(name):
     plain = sysid.Objective(curvature_weight=0.0)
     fit = sysid.fit(plant.chain, data, search="trust_region", objective=plain, options=sysid.Options(tolerance=1e-8))
     start = starts(plant.chain, data, 1, 0)[0]
-    problem = ChainProblem.whole(plant.chain, start, data.u[:, 0], data.y[:, 0])
+    problem = ChainProblem.least_squares(plant.chain, start, data.u[:, 0], data.y[:, 0])
 
     def residual(p):
         e = problem.residual(p)

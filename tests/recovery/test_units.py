@@ -302,7 +302,7 @@ def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
         for t in range(1, 100):
             y[t] = 0.8 * y[t - 1] + 0.2 * np.tanh(2.0 * u[t - 1])
         data = sysid.IOData(u, y + 0.5 * np.std(y) * rng.normal(size=100))
-        there = Normal.of(chain.scaled(data.u, data.y), data, sysid.Objective())
+        there = Normal.choose(chain.scaled(data.u, data.y), data, sysid.Objective())
         theta = starts(there.chain, there.data, 1, 0)[0]
         errors = there.size * (there.data.y - there.chain.outputs(theta, there.data.u))
         fit = sysid.fit(chain, data, starts=1, options=sysid.Options(max_iterations=20))

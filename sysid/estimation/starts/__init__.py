@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, clip_to_bounds
+from sysid.estimation.starts._start import Start, clip_to_bounds
 from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.matrix import Matrix

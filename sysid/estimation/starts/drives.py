@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.blocks import BowedGain, FrictionLag, TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, generators
+from sysid.estimation.starts._start import Start, generators
 from sysid.model.chain import Chain
 
 SPREAD = 0.3  # of drive, belt gain and sensor offset, as a share

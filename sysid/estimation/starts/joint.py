@@ -9,7 +9,7 @@ from sysid.block.block import Block
 from sysid.blocks import Compliance, Motor, Play, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_of
-from sysid.estimation.starts._shared import Start, clip_to_bounds, longest
+from sysid.estimation.starts._start import Start, clip_to_bounds, longest
 from sysid.model.chain import Chain
 
 # Chosen by hand.

@@ -6,7 +6,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import Channels, TransferMatrix
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, delay, generators, longest, output_error_start, start_maps
+from sysid.estimation.starts._start import Start, delay, generators, longest, output_error_start, start_maps
 from sysid.model.chain import Chain
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.blocks import Dynamic
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, generators, longest
+from sysid.estimation.starts._start import Start, generators, longest
 from sysid.model.chain import Chain
 
 

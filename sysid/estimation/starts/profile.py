@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 
 from sysid.blocks import ProfiledMotor
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, generators
+from sysid.estimation.starts._start import Start, generators
 from sysid.model.chain import Chain
 
 _WINDOWS = (400, 250, 100, 40)  # windows a record: few where the output is noisy, many where it is clean

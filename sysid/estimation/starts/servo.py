@@ -8,7 +8,7 @@ from sysid.block.block import Block
 from sysid.blocks import Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_of
-from sysid.estimation.starts._shared import Start, longest
+from sysid.estimation.starts._start import Start, longest
 from sysid.model.chain import Chain
 
 # Chosen by hand.

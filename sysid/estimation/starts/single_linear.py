@@ -5,7 +5,7 @@ import numpy as np
 from sysid.blocks import TransferFunction, TransferMatrix
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._shared import (
+from sysid.estimation.starts._start import (
     Start,
     best_output_error,
     denominators,
@@ -59,7 +59,7 @@ def _start_points(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.ran
 
 def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """theta (P,) after a few Levenberg-Marquardt steps."""
-    problem = ChainProblem.whole(chain, theta, u, y)
+    problem = ChainProblem.least_squares(chain, theta, u, y)
     out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=_COARSE, tolerance=0.1))
     return problem.thetas(out.p)[0] if np.isfinite(out.cost) else theta
 

@@ -14,7 +14,7 @@ from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import FRICTIONS, friction_starts, lift_theta, motor_of, plainer, without_play
 from sysid.estimation.problem import ChainProblem, search_best
-from sysid.estimation.starts._shared import Start
+from sysid.estimation.starts._start import Start
 from sysid.estimation.starts.joint import Joint
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate

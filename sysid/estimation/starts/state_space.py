@@ -9,7 +9,7 @@ from sysid.blocks import StateSpace, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem, search_best
-from sysid.estimation.starts._shared import Start, denominators, generators, solve_linear, start_maps
+from sysid.estimation.starts._start import Start, denominators, generators, solve_linear, start_maps
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt

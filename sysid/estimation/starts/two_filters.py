@@ -7,7 +7,7 @@ import numpy as np
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction, TransferMatrix
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import Start, generators, longest, output_error_start, solve_linear, start_maps
+from sysid.estimation.starts._start import Start, generators, longest, output_error_start, solve_linear, start_maps
 from sysid.model.chain import Chain
 
 

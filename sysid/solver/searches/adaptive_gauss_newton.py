@@ -15,12 +15,12 @@ class AdaptiveGaussNewton:
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
         gamma = memory.get("gamma", _GAMMA)
         largest = lin.svd[1][0] if len(lin.svd[1]) else 0.0
-        found = None
-        while found is None and gamma < 1.0:
-            found, halvings = halve(lin, lin.gauss_newton(gamma * largest), attempt, 5, self.name)
-            if found is None:
+        result = None
+        while result is None and gamma < 1.0:
+            result, halvings = halve(lin, lin.gauss_newton(gamma * largest), attempt, 5, self.name)
+            if result is None:
                 gamma *= 2.0
             elif halvings == 0:
                 gamma /= 4.0
         memory["gamma"] = min(max(gamma, 1e-14), 0.5)
-        return found
+        return result

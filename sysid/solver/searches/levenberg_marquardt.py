@@ -19,9 +19,9 @@ class LevenbergMarquardt:
         damping, growth = memory.get("damping", _DAMPING), _FACTOR
         while damping < _CEILING:
             cost, delta = attempt(lin.damped(damping))
-            promised = lin.predicted(delta)
-            if cost < lin.cost - 1e-4 * max(promised, 0.0):
-                ratio = (lin.cost - cost) / promised if promised > 0 else 0.0
+            drop = lin.predicted(delta)
+            if cost < lin.cost - 1e-4 * max(drop, 0.0):
+                ratio = (lin.cost - cost) / drop if drop > 0 else 0.0
                 memory["damping"] = max(damping * max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3), _FLOOR)
                 return Step(delta, cost, self.name)
             damping *= growth

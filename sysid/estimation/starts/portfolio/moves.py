@@ -13,7 +13,7 @@ from sysid.block.block import Block
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._shared import delay, denominators, same_poles
+from sysid.estimation.starts._start import delay, denominators, same_poles
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import is_map, line, movable_maps
 from sysid.estimation.starts.portfolio.screen import random_poles

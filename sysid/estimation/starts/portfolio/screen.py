@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from sysid.base.poles import mirrored, monic
 from sysid.blocks import TransferFunction
-from sysid.estimation.starts._shared import best_output_error, delay, denominators
+from sysid.estimation.starts._start import best_output_error, delay, denominators
 from sysid.estimation.starts.portfolio import curves
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.

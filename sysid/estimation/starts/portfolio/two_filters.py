@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from sysid.base.poles import monic
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
-from sysid.estimation.starts._shared import best_output_error, delay, denominators
+from sysid.estimation.starts._start import best_output_error, delay, denominators
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
 from sysid.estimation.starts.portfolio.screen import Candidate, Screen, curved_input, even_part, random_poles

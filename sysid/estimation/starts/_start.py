@@ -86,7 +86,7 @@ def best_output_error(linear: TransferFunction, raw: list[np.ndarray], w: np.nda
         theta = np.zeros(linear.n_parameters)
         theta[linear.nb : linear.nb + linear.nf] = f
         solve_linear(linear, theta, w, y)
-        return ChainProblem.whole(Chain((linear,)), theta, w, y)
+        return ChainProblem.least_squares(Chain((linear,)), theta, w, y)
 
     return search_best(map(problem, raw), Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters))[0]
 
