@@ -11,10 +11,9 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot
-from sysid.block.compiler import source
 from sysid.block.compiler.checks import check_rows
 from sysid.block.compiler.ir import Program
-from sysid.block.compiler.recursion import Recursion
+from sysid.block.compiler.recursion import Recursion, step_text
 from sysid.block.compiler.subset import read
 from sysid.block.symmetry import Symmetry
 from sysid.blocks.custom import redundant
@@ -149,7 +148,7 @@ def dynamic(
             raise InputError("step is text and begin is not; put def begin(s, x, p) into the same text")
         text = step
     else:
-        text = source.text({"step": step} if begin is None else {"step": step, "begin": begin})
+        text = step_text({"step": step} if begin is None else {"step": step, "begin": begin})
     for given, what in ((parameters, "parameters"), (bounds or {}, "bounds")):
         if not isinstance(given, Mapping) or not all(isinstance(n, str) and n.isidentifier() for n in given):
             raise InputError(f"{what} is {given!r}; give a dict by the names of the parameters")

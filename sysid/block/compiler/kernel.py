@@ -14,8 +14,8 @@ from types import CodeType, ModuleType
 
 from sysid.base.locks import sweep_once, temporary_name
 from sysid.block.compiler.activity import delays, hoisted, memoryless
+from sysid.block.compiler.derive import show, variable
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
-from sysid.block.compiler.show import show, variable
 
 _END = "\n# whole: "  # and a checksum of what stands above
 _HEAD = '''"""Written by sysid.block.compiler from the step of {name}; made again where it is missing."""
