@@ -29,7 +29,7 @@ READERS = {
     "parameters": ("a.toml", parameter_file.read),
     "parameters in JSON": ("a.json", parameter_file.read),
     "mapping": ("a.toml", mapping_file._text),
-    "MJCF": ("a.xml", fragment._parsed),
+    "MJCF": ("a.xml", fragment._parse),
     "journal": ("a.jsonl", lambda path: Lines(path).read()),
     "journal that grows": ("a.jsonl", lambda path: Lines(path).append("1")),
     "benchmark": ("a.parquet", table.parquet),
