@@ -214,8 +214,8 @@ class _Names(dict[str, Any]):
     """The names of a module; one that it does not have stands for a class of that name."""
 
     def __missing__(self, name: str) -> Any:
-        found = getattr(collections.abc, name, None) or getattr(typing, name, None)
-        return found if found is not None else type(name, (Named,), {})
+        kind = getattr(collections.abc, name, None) or getattr(typing, name, None)
+        return kind if kind is not None else type(name, (Named,), {})
 
 
 def namespace(function: Callable[..., Any], owner: type | None) -> dict[str, Any]:
@@ -242,25 +242,25 @@ def kind_of(annotation: Any, name: str, names: dict[str, Any]) -> Kind:
         return PLAIN[annotation]
     if annotation in (int, float):
         return number(annotation, BY_NAME.get(name, ANY))
-    origin, inside = get_origin(annotation), get_args(annotation)
+    origin, arguments = get_origin(annotation), get_args(annotation)
     if origin in (Union, UnionType):
-        kinds = [kind_of(each, name, names) for each in inside]
+        kinds = [kind_of(each, name, names) for each in arguments]
         return one_kind_of([k for k in kinds if k is not PLAIN[str]] if PATH in kinds else kinds)
     if origin is typing.Annotated:
-        return kind_of(inside[0], name, names)
+        return kind_of(arguments[0], name, names)
     if origin is Literal:
-        return one_of(inside)
+        return one_of(arguments)
     if origin in (os.PathLike,) or (isinstance(annotation, type) and issubclass(annotation, (os.PathLike, PurePath))):
         return PATH
     if origin is collections.abc.Callable or annotation is collections.abc.Callable:
         return CALLABLE
     bare, each_name = origin or annotation, name if name in OF_EACH else ""
     if isinstance(bare, type) and issubclass(bare, Mapping):
-        return mapping(kind_of(inside[1], each_name, names) if len(inside) == 2 else ANYTHING)
-    if bare is tuple and inside and inside[-1] is not Ellipsis:
-        return row([kind_of(each, each_name, names) for each in inside])
+        return mapping(kind_of(arguments[1], each_name, names) if len(arguments) == 2 else ANYTHING)
+    if bare is tuple and arguments and arguments[-1] is not Ellipsis:
+        return row([kind_of(each, each_name, names) for each in arguments])
     if bare in (tuple, list, Sequence, Iterable, collections.abc.Collection):
-        return several(kind_of(inside[0], each_name, names) if inside else ANYTHING, bare)
+        return several(kind_of(arguments[0], each_name, names) if arguments else ANYTHING, bare)
     return instance(bare) if isinstance(bare, type) and not _protocol(bare) else ANYTHING
 
 

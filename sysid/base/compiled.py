@@ -25,16 +25,16 @@ class _Files(caching.IndexDataCacheFile):
         return hashlib.sha256(raw).digest() + raw
 
     def _load_index(self) -> dict:
-        return self._whole(self._index_path) or {}
+        return self._read_checked(self._index_path) or {}
 
     def _save_index(self, overloads: dict) -> None:
         with self._open_for_write(self._index_path) as file:
             file.write(self._dump((self._version, self._source_stamp, overloads)))
 
     def _load_data(self, name: str) -> Any:
-        return self._whole(self._data_path(name))
+        return self._read_checked(self._data_path(name))
 
-    def _whole(self, path: str) -> Any:
+    def _read_checked(self, path: str) -> Any:
         """What was stored at `path`; None if it is missing, damaged or of another version of numba or the source."""
         try:
             with open(path, "rb") as file:
@@ -43,10 +43,10 @@ class _Files(caching.IndexDataCacheFile):
             return None
         if hashlib.sha256(raw[_DIGEST:]).digest() != raw[:_DIGEST]:
             return None
-        found = pickle.loads(raw[_DIGEST:])  # our own bytes: the checksum holds
+        content = pickle.loads(raw[_DIGEST:])  # our own bytes: the checksum holds
         if path != self._index_path:
-            return found
-        version, stamp, overloads = found
+            return content
+        version, stamp, overloads = content
         return overloads if (version, stamp) == (self._version, self._source_stamp) else None
 
 
@@ -72,7 +72,7 @@ class _Cache(caching.FunctionCache):
             super().save_overload(sig, data)
 
 
-def _cached(made: Any, function: Callable) -> Any:
+def _with_cache(made: Any, function: Callable) -> Any:
     """A dispatcher or callback with its cache; without one where no folder can be written to."""
     with suppress(RuntimeError, OSError):  # numba finds no place for a cache
         made._cache = _Cache(function)
@@ -83,16 +83,20 @@ def kernel(function: Callable | None = None, **options: Any) -> Any:
     """Decorator: a compiled function that releases the GIL; `options` are those of `numba.njit`."""
     if function is None:
         return lambda given: kernel(given, **options)
-    made = njit(nogil=True, **options)(function)
-    return made if made is function else _cached(made, function)  # NUMBA_DISABLE_JIT gives the function itself
+    compiled = njit(nogil=True, **options)(function)
+    return (
+        compiled if compiled is function else _with_cache(compiled, function)
+    )  # NUMBA_DISABLE_JIT gives the function itself
 
 
 def callback(signature: Any, **options: Any) -> Callable[[Callable], Any]:
     """Decorator: a compiled C callback of a numba signature; `options` are those of `numba.cfunc`."""
 
     def made(function: Callable) -> Any:
-        found = _cached(CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options), function)
-        found.compile()
-        return found
+        compiled = _with_cache(
+            CFunc(function, sigutils.normalize_signature(signature), locals={}, options=options), function
+        )
+        compiled.compile()
+        return compiled
 
     return made

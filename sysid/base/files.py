@@ -40,28 +40,28 @@ def check_regular_file(path: str | os.PathLike[str]) -> Path:
     Raises InputError for a pipe, a socket, a device or a link to one, for a name that no file can have, and for one
     that is not text, since no report could show it.
     """
-    found = Path(path)
+    file = Path(path)
     name = ascii(str(path)) if len(str(path)) <= 100 else f"{str(path)[:100]!a}..."
     if not str(path).isprintable():
         try:
             str(path).encode()
         except UnicodeEncodeError:
             with suppress(UnicodeDecodeError):
-                name = repr(os.fsencode(found).decode())
+                name = repr(os.fsencode(file).decode())
                 raise InputError(f"this locale has no letters for the name {name}; set PYTHONUTF8=1") from None
             raise InputError(f"the name {name} is not UTF-8 text; rename the file") from None
         if "\0" in str(path):
             raise InputError(f"the name {name} holds a zero byte; give the name of a file")
     try:
-        kind = _SPECIAL_FILES.get(stat.S_IFMT(found.stat().st_mode))
+        kind = _SPECIAL_FILES.get(stat.S_IFMT(file.stat().st_mode))
     except OSError as error:
         if error.errno in (errno.ENOENT, errno.ENOTDIR):
-            return found
+            return file
         why = _NAME_ERRORS.get(error.errno or 0, f"cannot be read ({error.strerror})")
         raise InputError(f"{name} {why}; give the name of a file that you may read") from None
     if kind:
-        raise InputError(f"{found} is {kind}, not a regular file; copy the data to a file and give that")
-    return found
+        raise InputError(f"{file} is {kind}, not a regular file; copy the data to a file and give that")
+    return file
 
 
 @contextmanager
@@ -177,10 +177,10 @@ def unseal(line: str, belongs: str) -> tuple[dict[str, Any], str]:
         return {}, DAMAGED
     if not isinstance(row, dict):
         return {}, DAMAGED
-    given = row.pop(CHECK, None)
-    if given is None:
+    checksum = row.pop(CHECK, None)
+    if checksum is None:
         return row, UNSEALED
-    return (row, "") if given == check_sum(row, belongs) else ({}, DAMAGED)
+    return (row, "") if checksum == check_sum(row, belongs) else ({}, DAMAGED)
 
 
 def json_value(value: Any) -> Any:
@@ -205,10 +205,10 @@ def json_value(value: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Version of Python and of every package that can affect a number."""
-    found = {"python": platform.python_version()}
+    numbers = {"python": platform.python_version()}
     for package in VERSIONED_PACKAGES:
         try:
-            found[package] = metadata.version(package)
+            numbers[package] = metadata.version(package)
         except metadata.PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+            numbers[package] = "not installed"
+    return numbers

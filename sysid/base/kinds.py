@@ -61,13 +61,13 @@ class Span:
         if value != value or abs(value) == math.inf:
             return f"a finite {noun}"
         if value > self.highest:
-            return f"a {noun} up to {_written(self.highest)}"
+            return f"a {noun} up to {_limit_text(self.highest)}"
         if self.above:
-            return f"a {noun} above {_written(self.lowest)}"
-        return f"a {noun} of at least {_written(self.lowest)}"
+            return f"a {noun} above {_limit_text(self.lowest)}"
+        return f"a {noun} of at least {_limit_text(self.lowest)}"
 
 
-def _written(value: float) -> str:
+def _limit_text(value: float) -> str:
     return f"{value:,}" if isinstance(value, int) else f"{value:g}"
 
 
@@ -112,19 +112,19 @@ def _array(value: Any) -> Any:
     if isinstance(value, (str, bytes, Mapping, set, type)) or value is None:
         raise RefusedValue(value, "an array of numbers")
     try:
-        found = np.asarray(value)
+        array = np.asarray(value)
     except MemoryError:
         raise
     except Exception:  # an array of another library raises what it likes: a tensor that records gradients, RuntimeError
         raise RefusedValue(value, "an array of numbers, its rows of one length") from None
-    if found.dtype.kind not in "biuf":
+    if array.dtype.kind not in "biuf":
         raise RefusedValue(value, "an array of real numbers")
-    if found.dtype.kind == "f" and not np.all(np.isfinite(found)):
-        bad = int(np.argmin(np.isfinite(found).ravel()))
-        raise RefusedValue(value, f"finite numbers (entry {bad}, from 0, is {found.ravel()[bad]})")
-    if found.size and found.dtype.kind == "f" and float(np.abs(found).max()) > ANY.highest:
+    if array.dtype.kind == "f" and not np.all(np.isfinite(array)):
+        bad = int(np.argmin(np.isfinite(array).ravel()))
+        raise RefusedValue(value, f"finite numbers (entry {bad}, from 0, is {array.ravel()[bad]})")
+    if array.size and array.dtype.kind == "f" and float(np.abs(array).max()) > ANY.highest:
         raise RefusedValue(value, f"numbers of at most {ANY.highest:g}")
-    return value if type(value) is np.ndarray else found
+    return value if type(value) is np.ndarray else array
 
 
 def _text(value: Any) -> Any:
@@ -232,8 +232,8 @@ def several(inside: Kind, kind: Any) -> Kind:
             if isinstance(value, Sequence) or kind not in (tuple, list, Sequence):
                 return value
             return convert(tuple(value) if kind is tuple else list(value))  # a generator has no length
-        found = [_inside(inside, each) for each in value]
-        return tuple(found) if kind is tuple else value
+        values = [_inside(inside, each) for each in value]
+        return tuple(values) if kind is tuple else value
 
     return Kind(words, convert)
 

@@ -154,10 +154,10 @@ def _is_same_file(path: Path, file: IO[bytes]) -> bool:
 def _holder(file: IO[bytes]) -> str:
     """The process that a lock file names."""
     file.seek(0)
-    found = file.read(300).decode("utf-8", "replace").split()
-    if len(found) != 2 or not found[0].isdigit():
+    words = file.read(300).decode("utf-8", "replace").split()
+    if len(words) != 2 or not words[0].isdigit():
         return "another process"
-    return f"process {found[0]}" if found[1] == socket.gethostname() else f"process {found[0]} on {found[1]}"
+    return f"process {words[0]}" if words[1] == socket.gethostname() else f"process {words[0]} on {words[1]}"
 
 
 def mark() -> str:
@@ -177,12 +177,12 @@ def is_in_use(name: str) -> bool | None:
 
     Of a process of another machine, or of a system that does not tell, it is said to be there.
     """
-    found = MARKED_NAME.search(name)
-    if found is None:
+    match = MARKED_NAME.search(name)
+    if match is None:
         return None
-    if found["machine"] != _machine() or os.name != "posix":
+    if match["machine"] != _machine() or os.name != "posix":
         return True
-    process, began = int(found["process"]), int(found["began"])
+    process, began = int(match["process"]), int(match["began"])
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
@@ -257,9 +257,9 @@ def _machine() -> str:
     except OSError:
         within = ""
     name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
-    own = "" if within not in ("", OUTSIDE) else _system_text(MACHINE)
-    known = f"{own} {_system_text(SERIAL)}" if own else _system_text(BOOT)
-    return blake2b(f"{name} {within} {known}".encode("utf-8", "surrogateescape"), digest_size=4).hexdigest()
+    machine_id = "" if within not in ("", OUTSIDE) else _system_text(MACHINE)
+    identity = f"{machine_id} {_system_text(SERIAL)}" if machine_id else _system_text(BOOT)
+    return blake2b(f"{name} {within} {identity}".encode("utf-8", "surrogateescape"), digest_size=4).hexdigest()
 
 
 def _system_text(file: str) -> str:
@@ -274,7 +274,7 @@ def start_ticks(process: int) -> int:
     """When a process began, in ticks since the machine did; 0 where the system does not tell, -1 if it has ended."""
     try:
         with open(f"/proc/{process}/stat", "rb") as file:
-            said = file.read().rpartition(b")")[2].split()
-        return -1 if said[0] in (b"Z", b"X") else int(said[19])
+            fields = file.read().rpartition(b")")[2].split()
+        return -1 if fields[0] in (b"Z", b"X") else int(fields[19])
     except (OSError, IndexError, ValueError):
         return 0

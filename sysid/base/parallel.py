@@ -62,8 +62,8 @@ def in_order(
     function: Callable[[J], R], jobs: Sequence[J], workers: int | None = None, scheduler: str | None = None
 ) -> list[R]:
     """All results in the order of the jobs."""
-    found = dict(results(function, jobs, workers, scheduler))
-    return [found[k] for k in range(len(jobs))]
+    outcomes = dict(results(function, jobs, workers, scheduler))
+    return [outcomes[k] for k in range(len(jobs))]
 
 
 def _on_one_core(function: Callable[[J], R], jobs: Sequence[J]) -> Iterator[tuple[int, R]]:
@@ -79,10 +79,10 @@ def _on_cores(function: Callable[[J], R], jobs: Sequence[J], count: int) -> Iter
     warnings.filterwarnings("ignore", "A worker stopped while some jobs were given", UserWarning)
     tasks = (delayed(_numbered_result)(function, k, job) for k, job in enumerate(jobs))
     with hold_interrupts():
-        found = Parallel(n_jobs=count, return_as="generator_unordered", initializer=end_with, initargs=(os.getpid(),))(
-            tasks
-        )
-    yield from found
+        outcomes = Parallel(
+            n_jobs=count, return_as="generator_unordered", initializer=end_with, initargs=(os.getpid(),)
+        )(tasks)
+    yield from outcomes
 
 
 def _numbered_result(function: Callable[[Any], R], k: int, job: Any) -> tuple[int, R]:

@@ -82,22 +82,22 @@ def read_parquet(path: Path, columns: list[str] | None = None) -> "polars.DataFr
     except (OSError, MemoryError):
         raise
     except (Exception, polars.exceptions.PanicException) as error:
-        said = str(error).strip().splitlines() or [""]
-        raise DamagedError(f"{type(error).__name__}: {said[0][:200]}") from None
+        lines = str(error).strip().splitlines() or [""]
+        raise DamagedError(f"{type(error).__name__}: {lines[0][:200]}") from None
 
 
 @contextmanager
 def _suppress_panic_text() -> Iterator[None]:
     """Keeps from the terminal what polars' core prints of its own when a damaged file makes it panic."""
     try:
-        own = os.dup(2)
+        stderr = os.dup(2)
     except OSError:  # a process without a standard error
         yield
         return
-    with tempfile.TemporaryFile() as said:
-        os.dup2(said.fileno(), 2)
+    with tempfile.TemporaryFile() as sink:
+        os.dup2(sink.fileno(), 2)
         try:
             yield
         finally:
-            os.dup2(own, 2)
-            os.close(own)
+            os.dup2(stderr, 2)
+            os.close(stderr)

@@ -50,8 +50,8 @@ class Block(ABC):
 
     def __getstate__(self) -> dict[str, Any]:
         """Its fields: compiled kernels are made anew where a copy or another process needs them."""
-        own = {f.name for f in fields(self)}
-        return {name: value for name, value in vars(self).items() if name in own}
+        names = {f.name for f in fields(self)}
+        return {name: value for name, value in vars(self).items() if name in names}
 
     @abstractmethod
     def slots(self) -> tuple[Slot, ...]:

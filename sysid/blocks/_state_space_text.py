@@ -11,7 +11,7 @@ def c(block: Any, theta: np.ndarray) -> Code:
     """One sample: the outputs, then the state."""
     nx, nu, ny, units, n = block.nx, block.nu, block.ny, block.units, block.features
     one = block.channels == (1, 1)
-    inputs = ", ".join(_scaled(block, "x" if one else "x[{}]"))
+    inputs = ", ".join(_scale_text(block, "x" if one else "x[{}]"))
     lines = [f"const double u[{nu}] = {{{inputs}}};", f"double z[{ny}], next[{nx}];"]
     if n:
         lines.append(f"double f[{n}];")
@@ -51,17 +51,17 @@ def python(block: Any, theta: np.ndarray) -> Code:
     def product(table: str, width: int, row: str, of: str) -> str:
         return f"sum({table}[{width} * {row} + j] * {of}[j] for j in range({width}))"
 
-    lines = [f"u = [{', '.join(_scaled(block, 'x' if one else 'x[{}]'))}]", "f = []"]
+    lines = [f"u = [{', '.join(_scale_text(block, 'x' if one else 'x[{}]'))}]", "f = []"]
     if units:
         look = f"b[k] + {product('W', nx, 'k', 's')} + {product('V', nu, 'k', 'u')}"
         lines.append(f"f += [math.tanh({look}) - b0[k] for k in range({units})]")
     if len(block.powers):
         lines.append(f"f += [{', '.join(_monomials(block))}]")
-    seen = f" + {product('F', n, 'i', 'f')}" if block.readout and n else ""
-    moved = f" + {product('E', n, 'i', 'f')}" if n else ""
+    readout_text = f" + {product('F', n, 'i', 'f')}" if block.readout and n else ""
+    update_text = f" + {product('E', n, 'i', 'f')}" if n else ""
     lines += [
-        f"z = [d[i] + {product('D', nu, 'i', 'u')} + {product('C', nx, 'i', 's')}{seen} for i in range({ny})]",
-        f"s[:] = [{product('B', nu, 'i', 'u')} + {product('A', nx, 'i', 's')}{moved} for i in range({nx})]",
+        f"z = [d[i] + {product('D', nu, 'i', 'u')} + {product('C', nx, 'i', 's')}{readout_text} for i in range({ny})]",
+        f"s[:] = [{product('B', nu, 'i', 'u')} + {product('A', nx, 'i', 's')}{update_text} for i in range({nx})]",
         f"return {_outputs(block)[0] if one else '[' + ', '.join(_outputs(block)) + ']'}",
     ]
     return Code("\n".join(lines), nx, _tables(block, theta), channels=block.channels)
@@ -84,8 +84,8 @@ def equations(block: Any, theta: np.ndarray, w: Writer) -> list[str]:
         terms = [*zip(m.A[i], x, strict=True), *zip(m.B[i], v, strict=True), *zip(m.E[i], f, strict=True)]
         lines.append(f"  {name}(t+1) = {w.sum(terms)}")
     for k in range(block.units):
-        inside = w.sum([(m.b[k], ""), *zip(m.W[k], x, strict=True), *zip(m.V[k], v, strict=True)])
-        lines.append(f"  f{k + 1} = tanh({inside}) - {w.num(float(np.tanh(m.b[k])))}")
+        argument = w.sum([(m.b[k], ""), *zip(m.W[k], x, strict=True), *zip(m.V[k], v, strict=True)])
+        lines.append(f"  f{k + 1} = tanh({argument}) - {w.num(float(np.tanh(m.b[k])))}")
     return lines
 
 
@@ -95,7 +95,7 @@ def _tables(block: Any, theta: np.ndarray) -> dict[str, np.ndarray]:
     return tables | ({"b0": np.tanh(m.b)} if block.units else {})
 
 
-def _scaled(block: Any, x: str) -> list[str]:
+def _scale_text(block: Any, x: str) -> list[str]:
     u0, us, _, _ = block.scales()
     return [f"({x.format(j)} - ({number(c)})) / ({number(s)})" for j, (c, s) in enumerate(zip(u0, us, strict=True))]
 

@@ -56,20 +56,21 @@ class Channels(Block):
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         laws = [m.law(a[[i]], b[[i]]) for i, m in enumerate(self.maps)]
-        known = [own for own in laws if own is not None]
-        if len(known) < len(laws):
+        complete = [law for law in laws if law is not None]
+        if len(complete) < len(laws):
             return None
-        return Law(replace(self, maps=tuple(own.block for own in known)), block_diagonal(*(own.M for own in known)))  # type: ignore[misc]
+        maps = tuple(law.block for law in complete)
+        return Law(replace(self, maps=maps), block_diagonal(*(law.M for law in complete)))  # type: ignore[arg-type]
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        found = []
+        changes = []
         for i, (part, m) in enumerate(self.parts()):
             unit = np.zeros(len(self.maps))
             unit[i] = 1.0
             for s in m.symmetries(theta[part]):
                 wide = np.zeros(len(theta))
                 wide[part] = s.d_theta
-                found.append(
+                changes.append(
                     Symmetry(wide, s.in_scale * unit, s.in_shift * unit, s.out_scale * unit, s.out_shift * unit)
                 )
-        return found
+        return changes

@@ -87,5 +87,5 @@ class Compliance(Recursion):
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Frequency and damping changed by a factor of up to about two."""
-        found = theta * np.exp([0.5, 0.5, 0.0, 0.0] * rng.normal(size=4))
-        return np.clip(found, [_SLOWEST, 0.0, -np.inf, -np.inf], [_FASTEST, _MOST, np.inf, np.inf])
+        start = theta * np.exp([0.5, 0.5, 0.0, 0.0] * rng.normal(size=4))
+        return np.clip(start, [_SLOWEST, 0.0, -np.inf, -np.inf], [_FASTEST, _MOST, np.inf, np.inf])

@@ -141,16 +141,16 @@ class CubicSpline(Written, StaticBlock):
         lo, hi, v = self._ends(theta)
         constant = np.eye(len(v))[0] if self.monotone else np.ones(len(v))
         none, ends = np.zeros(len(theta) - len(v)), np.array([lo, hi])
-        found = [
+        changes = [
             Symmetry(np.concatenate([none, v]), out_scale=1.0),
             Symmetry(np.concatenate([none, constant]), out_shift=1.0),
         ]
         if self.span is None:
-            found += [
+            changes += [
                 Symmetry(np.concatenate([ends, 0.0 * v]), in_scale=1.0),
                 Symmetry(np.concatenate([np.ones(2), 0.0 * v]), in_shift=1.0),
             ]
-        return found
+        return changes
 
     def admissible(self, theta: np.ndarray) -> bool:
         lo, hi, v = self._ends(theta)

@@ -42,15 +42,15 @@ class Delay(Recursion):
 
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
         """With as many samples before each piece as the delay reaches back."""
-        before, tangent = np.empty(0), np.empty((0, q if P else 0))
+        history, tangent = np.empty(0), np.empty((0, q if P else 0))
         reach = int(theta[0]) + 2
 
         def run(x: np.ndarray, J: np.ndarray) -> np.ndarray:
-            nonlocal before, tangent
-            late, wide = np.concatenate([before, x]), np.empty((len(before) + len(x), P))
-            wide[: len(before), : tangent.shape[1]], wide[len(before) :] = tangent, J
-            n, tangent = len(before), np.concatenate([tangent, J[:, : tangent.shape[1]]])[-reach:]
-            before = late[-reach:]
+            nonlocal history, tangent
+            late, wide = np.concatenate([history, x]), np.empty((len(history) + len(x), P))
+            wide[: len(history), : tangent.shape[1]], wide[len(history) :] = tangent, J
+            n, tangent = len(history), np.concatenate([tangent, J[:, : tangent.shape[1]]])[-reach:]
+            history = late[-reach:]
             y = self.propagate(theta, late, wide, q)
             J[:] = wide[n:]
             return y[n:]

@@ -50,12 +50,12 @@ class Dynamic(Recursion):
                 raise unknown("parameter", name, self.names)
         checked_span(self.span)
         rows = {r: [n for n in self.names if n.removeprefix(r).isdigit()] for r in program.rows}
-        given = {*self.names, *(r for r, names in rows.items() if names)}
-        missing = [n for n in (*program.params, *program.rows) if n not in given]
+        declared = {*self.names, *(r for r, names in rows.items() if names)}
+        missing = [n for n in (*program.params, *program.rows) if n not in declared]
         idle = set(self.names) - set(program.params) - {n for names in rows.values() for n in names}
         if missing or idle:
-            wrong = f"reads {missing[0]}, which is not a parameter" if missing else f"never reads {min(idle)}"
-            raise InputError(f"the step {wrong}; its parameters are {', '.join(self.names) or 'none'}")
+            fault = f"reads {missing[0]}, which is not a parameter" if missing else f"never reads {min(idle)}"
+            raise InputError(f"the step {fault}; its parameters are {', '.join(self.names) or 'none'}")
         check_rows(program, {r: len(names) for r, names in rows.items()})
         if not self.admissible(np.array(self.first)):
             raise InputError(f"the start values {self.first} are outside the bounds; give values within them")
@@ -99,14 +99,14 @@ class Dynamic(Recursion):
         J = np.zeros((_PROBE, 2 + len(theta)))
         J[:, 0], J[:, 1] = x, 1.0
         y = self.propagate(theta, x, J, 2)
-        moved = np.any(J[:, 2:] != 0.0, axis=0)
+        active = np.any(J[:, 2:] != 0.0, axis=0)
         if not (np.all(np.isfinite(J)) and np.all(np.isfinite(y))):
             return []
-        found = redundant(np.column_stack([J[:, 2:][:, moved], J[:, :2], -y, -np.ones(_PROBE)]))
+        directions = redundant(np.column_stack([J[:, 2:][:, active], J[:, :2], -y, -np.ones(_PROBE)]))
         wide = []
-        for s in found:
+        for s in directions:
             d_theta = np.zeros(len(theta))
-            d_theta[moved] = s.d_theta
+            d_theta[active] = s.d_theta
             wide.append(Symmetry(d_theta, s.in_scale, s.in_shift, s.out_scale, s.out_shift))
         return wide
 
@@ -149,20 +149,20 @@ def dynamic(
         text = step
     else:
         text = step_text({"step": step} if begin is None else {"step": step, "begin": begin})
-    for given, what in ((parameters, "parameters"), (bounds or {}, "bounds")):
-        if not isinstance(given, Mapping) or not all(isinstance(n, str) and n.isidentifier() for n in given):
-            raise InputError(f"{what} is {given!r}; give a dict by the names of the parameters")
+    for mapping, what in ((parameters, "parameters"), (bounds or {}, "bounds")):
+        if not isinstance(mapping, Mapping) or not all(isinstance(n, str) and n.isidentifier() for n in mapping):
+            raise InputError(f"{what} is {mapping!r}; give a dict by the names of the parameters")
     if not isinstance(role, str) or not role.isidentifier():
         raise InputError(f"role is {role!r}; give a name of letters, digits and _")
     first: dict[str, float] = {}
     limits: list[tuple[float, float]] = []
     for name, value in parameters.items():
         numbers = _numbers(name, value)
-        own = {f"{name}{k}": v for k, v in enumerate(numbers)} if np.ndim(value) else {name: numbers[0]}
-        if clash := {*own} & {*first}:
+        entries = {f"{name}{k}": v for k, v in enumerate(numbers)} if np.ndim(value) else {name: numbers[0]}
+        if clash := {*entries} & {*first}:
             raise InputError(f"two parameters are called {min(clash)}; rename the row {name} or the other")
-        first |= own
-        limits += [_pair(name, (bounds or {}).get(name, (-np.inf, np.inf)))] * len(own)
+        first |= entries
+        limits += [_pair(name, (bounds or {}).get(name, (-np.inf, np.inf)))] * len(entries)
     for name in bounds or {}:
         if name not in parameters:
             raise unknown("parameter", name, tuple(parameters))
@@ -178,12 +178,12 @@ def _numbers(name: str, value: object) -> tuple[float, ...]:
     try:
         if isinstance(value, str) or np.iscomplexobj(value) or np.ndim(value) > 1:  # type: ignore[arg-type]
             raise ValueError
-        found = tuple(float(v) for v in np.atleast_1d(np.asarray(value, dtype=float)))
+        numbers = tuple(float(v) for v in np.atleast_1d(np.asarray(value, dtype=float)))
     except (TypeError, ValueError, OverflowError):
-        found = ()
-    if not found or not np.all(np.isfinite(found)):
+        numbers = ()
+    if not numbers or not np.all(np.isfinite(numbers)):
         raise InputError(f"the start value of {name} is {value!r}; give a finite number, or several for a row")
-    return found
+    return numbers
 
 
 def _pair(name: str, value: object) -> tuple[float, float]:
@@ -199,10 +199,10 @@ def _pair(name: str, value: object) -> tuple[float, float]:
 
 def _names(what: str, value: Sequence[str]) -> tuple[str, ...]:
     """A list of parameter names."""
-    found = [] if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
-    if isinstance(value, str) or not isinstance(value, Iterable) or not all(isinstance(n, str) for n in found):
+    names = [] if isinstance(value, str) or not isinstance(value, Iterable) else [*value]
+    if isinstance(value, str) or not isinstance(value, Iterable) or not all(isinstance(n, str) for n in names):
         raise InputError(f"{what} is {value!r}; give a list of the names of parameters")
-    return tuple(found)
+    return tuple(names)
 
 
 def checked_span(value: object) -> tuple[float, float]:

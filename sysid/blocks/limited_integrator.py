@@ -40,9 +40,9 @@ class LimitedIntegrator(Recursion):
         return bool(theta[1] < theta[2])
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        own = np.array([theta[0], 0.0, 0.0, 0.0])
+        scaling = np.array([theta[0], 0.0, 0.0, 0.0])
         return [
-            Symmetry(-own, in_scale=1.0),
+            Symmetry(-scaling, in_scale=1.0),
             Symmetry(theta.copy(), out_scale=1.0),
             Symmetry(np.array([0.0, 1.0, 1.0, 1.0]), out_shift=1.0),
         ]

@@ -199,25 +199,25 @@ class Motor(Recursion):
         return tuple(f"{wave}{k}" for k in range(1, self.periodic + 1) for wave in ("sine", "cosine"))
 
     def slots(self) -> tuple[Slot, ...]:
-        found = [
+        slots = [
             Slot("gain", "1/V/sample", lower=0.0),
             Slot("lag", "samples", lower=_FASTEST),
             Slot("rise", "V", lower=0.0),
             Slot("fall", "V", lower=0.0),
         ]
         if self.stribeck:
-            found += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
+            slots += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
         if self.sided:
-            found.append(Slot("stick_down", "V", lower=0.0))
-        found += [Slot(name, "V") for name in (*(f"load{i}" for i in range(self.load)), *self.waves)]
+            slots.append(Slot("stick_down", "V", lower=0.0))
+        slots += [Slot(name, "V") for name in (*(f"load{i}" for i in range(self.load)), *self.waves)]
         if self.loss:
-            found.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
+            slots.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
-            found.append(Slot("jam", "samples^2", lower=0.0))
+            slots.append(Slot("jam", "samples^2", lower=0.0))
         if self.delayed:
-            found.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
-        found += [Slot(name) for name in self.ends]
-        return (*found, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
+            slots.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
+        slots += [Slot(name) for name in self.ends]
+        return (*slots, Slot("x0", initial=True, holds=True), Slot("v0", "1/sample", initial=True))
 
     def value(self, theta: np.ndarray, name: str) -> float:
         """The parameter `name`; what acts in its place (0, or an end at infinity) if this motor does not have it."""
@@ -253,15 +253,15 @@ class Motor(Recursion):
             f"  v stays 0 where {down} <= {net} <= {up}",
             ends,
             f"  {w.x} is held for one sample{late}",
-            self._solved(),
+            self._solution_notes(),
         ]
         return [line for line in lines if line]
 
-    def _solved(self) -> str:
+    def _solution_notes(self) -> str:
         each = "held input" if self.substeps == 1 else f"of {self.substeps} equal parts of a held input"
-        taken = [f"L is that in the middle of the way over each {each}"] if self.bent else []
-        taken += [f"v in R is that at the start of each {each}"] if self.stribeck else []
-        return ", ".join([solved("", self.substeps), *taken])
+        notes = [f"L is that in the middle of the way over each {each}"] if self.bent else []
+        notes += [f"v in R is that at the start of each {each}"] if self.stribeck else []
+        return ", ".join([solved("", self.substeps), *notes])
 
     def start(self, x: np.ndarray) -> np.ndarray:
         """A motor that moves through the stroke in a tenth of the record at the largest input."""
@@ -302,18 +302,18 @@ class Motor(Recursion):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {"gain": -1.0, **dict.fromkeys(_VOLTS, 1.0), **dict.fromkeys(self.waves, 1.0)}
-        found = [Symmetry(along(volts), in_scale=1.0)]
+        changes = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
-            found.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
+            changes.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
-            found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
+            changes.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if not self.bent:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0) | {"jam": -1.0}
-            found.append(Symmetry(along(places), out_scale=1.0))
+            changes.append(Symmetry(along(places), out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
-            found.append(Symmetry(shift, out_shift=1.0))
-        return found
+            changes.append(Symmetry(shift, out_shift=1.0))
+        return changes
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Speed, lag and friction changed by a factor of up to about two."""

@@ -82,14 +82,14 @@ class PiecewiseLinear(Written, StaticBlock):
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         from sysid.block.kernels import piecewise_linear
 
-        y, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
+        y, slope, with_jacobian = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
         kx, ky = self._points(theta)
-        if own and not self.free_knots:
+        if with_jacobian and not self.free_knots:
             wide = np.empty((len(x), 2 * self.knots))
-            piecewise_linear(kx, ky, x, y, slope, wide, 0, own)
+            piecewise_linear(kx, ky, x, y, slope, wide, 0, with_jacobian)
             J[:, q : q + self.knots] = wide[:, self.knots :]
         else:
-            piecewise_linear(kx, ky, x, y, slope, J, q, own)
+            piecewise_linear(kx, ky, x, y, slope, J, q, with_jacobian)
         return y, slope
 
     def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:

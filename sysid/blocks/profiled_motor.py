@@ -258,14 +258,14 @@ class ProfiledMotor(Recursion):
         """Second differences of rise and of fall, rows over theta: of the inner knots, of a period of all knots."""
         k = self.knots
         inner = range(k) if self.periodic else range(1, k - 1)
-        found = []
+        bends = []
         for first in (3, 3 + k):
             D = np.zeros((len(inner), width))
             for row, i in enumerate(inner):
                 for at, weight in ((i - 1, 1.0), (i, -2.0), (i + 1, 1.0)):
                     D[row, first + at % k] += weight
-            found.append(D)
-        return found[0], found[1]
+            bends.append(D)
+        return bends[0], bends[1]
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """Inertia, drag and friction scale with the input voltage. `low` fixes the positions."""

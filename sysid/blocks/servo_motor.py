@@ -108,17 +108,17 @@ class ServoMotor(Motor):
         return -(-self.substeps // self.updates)
 
     def slots(self) -> tuple[Slot, ...]:
-        own = [Slot("kp", "V", lower=0.0)]
+        slots = [Slot("kp", "V", lower=0.0)]
         if self.loop != "p":
-            own.append(Slot("kd", "V samples", lower=0.0))
+            slots.append(Slot("kd", "V samples", lower=0.0))
         if self.integrates:
-            own += [Slot("ki", "V/sample", lower=0.0), Slot("i0", "V", initial=True)]
+            slots += [Slot("ki", "V/sample", lower=0.0), Slot("i0", "V", initial=True)]
         if self.dead:
-            own.append(Slot("dead", lower=0.0))
-        own.append(Slot("limit", "V", lower=1e-9))
+            slots.append(Slot("dead", lower=0.0))
+        slots.append(Slot("limit", "V", lower=1e-9))
         if self.sags:
-            own.append(Slot("sag", lower=0.0, upper=MOST_SAG))
-        return (*own, *super().slots())
+            slots.append(Slot("sag", lower=0.0, upper=MOST_SAG))
+        return (*slots, *super().slots())
 
     def propagate_all(
         self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int
@@ -164,10 +164,10 @@ class ServoMotor(Motor):
         error = np.array([-1.0, -ahead, 0.0])
         loop = plant + np.outer(push, m["kp"] * error - [0.0, m["kd"], -1.0])
         loop[2] += m["ki"] * h * error
-        used = 3 if self.integrates and m["ki"] > 0.0 else 2
+        order = 3 if self.integrates and m["ki"] > 0.0 else 2
         if m["kp"] * m["gain"] == 0.0:
             return 0.0
-        return float(np.abs(np.linalg.eigvals(loop[:used, :used])).max())
+        return float(np.abs(np.linalg.eigvals(loop[:order, :order])).max())
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         names = [slot.name for slot in self.slots()]
@@ -176,17 +176,17 @@ class ServoMotor(Motor):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {slot.name: 1.0 for slot in self.slots() if slot.unit.startswith("V")}
-        found = [Symmetry(along({"gain": -1.0} | volts))]
+        changes = [Symmetry(along({"gain": -1.0} | volts))]
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
-            found.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
+            changes.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if not self.bent and not self.scheduled:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0", "dead"), 1.0) | {"jam": -1.0}
             places |= dict.fromkeys(("kp", "kd", "ki"), -1.0)
-            found.append(Symmetry(along(places), in_scale=1.0, out_scale=1.0))
+            changes.append(Symmetry(along(places), in_scale=1.0, out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
-            found.append(Symmetry(shift, in_shift=1.0, out_shift=1.0))
-        return found
+            changes.append(Symmetry(shift, in_shift=1.0, out_shift=1.0))
+        return changes
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """`Motor.vary`, and the loop's gains changed by a factor of up to about two."""

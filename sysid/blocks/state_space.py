@@ -112,12 +112,12 @@ class StateSpace(Block):
         return {name: slice(a, int(e)) for name, a, e in zip(self.shapes, starts, ends, strict=True)}
 
     def slots(self) -> tuple[Slot, ...]:
-        found = []
+        slots = []
         for name, shape in self.shapes.items():
             for index in np.ndindex(*shape):
                 place = ",".join(str(i + 1) for i in index)
-                found.append(Slot(f"{name}_{place}" if name == "x0" else f"{name}{place}", initial=name == "x0"))
-        return tuple(found)
+                slots.append(Slot(f"{name}_{place}" if name == "x0" else f"{name}{place}", initial=name == "x0"))
+        return tuple(slots)
 
     def split(self, theta: np.ndarray) -> Matrices:
         """theta by matrices, each contiguous."""
@@ -284,43 +284,43 @@ class StateSpace(Block):
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         """The parameters belong to the scaled signals: only the scales change, if the block has any."""
         u0, us, y0, ys = self.scales()
-        here = {"u_centre": u0 / a, "u_scale": us / a, "y_centre": y0 / b, "y_scale": ys / b}
-        there = replace(self, **{name: tuple(values.tolist()) for name, values in here.items()})  # type: ignore[arg-type]
-        return Law(there, np.eye(self.n_parameters))
+        scales = {"u_centre": u0 / a, "u_scale": us / a, "y_centre": y0 / b, "y_scale": ys / b}
+        rescaled = replace(self, **{name: tuple(values.tolist()) for name, values in scales.items()})  # type: ignore[arg-type]
+        return Law(rescaled, np.eye(self.n_parameters))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         """The coordinates of the state; gain and offset of each output; gain of each input that has no centre."""
         m = self.split(theta)
         u0, _, y0, ys = self.scales()
-        found = [Symmetry(self._turned(m, i, j)) for i in range(self.nx) for j in range(self.nx)]
+        changes = [Symmetry(self._rotate(m, i, j)) for i in range(self.nx) for j in range(self.nx)]
         for o in range(self.ny):
             unit = np.eye(self.ny)[o]
             row = unit[:, None]
             grown = self._none()._replace(C=row * m.C, D=row * m.D, d=unit * (m.d + y0 / ys), F=row * m.F)
-            found.append(Symmetry(self.joined(grown), out_scale=unit))
-            found.append(Symmetry(self.joined(self._none()._replace(d=unit / ys)), out_shift=unit))
+            changes.append(Symmetry(self.joined(grown), out_scale=unit))
+            changes.append(Symmetry(self.joined(self._none()._replace(d=unit / ys)), out_shift=unit))
         for i in np.flatnonzero(u0 == 0.0):
             unit = np.eye(self.nu)[i]
             power = np.concatenate([np.zeros(self.units), self.powers[:, self.nx + i]])
             less = self._none()._replace(B=-m.B * unit, D=-m.D * unit, V=-m.V * unit, E=-m.E * power)
             less = less._replace(F=-m.F * power if self.readout else m.F)
-            found.append(Symmetry(self.joined(less), in_scale=unit))
-        return found
+            changes.append(Symmetry(self.joined(less), in_scale=unit))
+        return changes
 
     def _none(self) -> Matrices:
         return self.split(np.zeros(self.n_parameters))
 
-    def _turned(self, m: Matrices, i: int, j: int) -> np.ndarray:
+    def _rotate(self, m: Matrices, i: int, j: int) -> np.ndarray:
         """The direction of theta in which x_i becomes x_i + eps x_j."""
         M = np.zeros((self.nx, self.nx))
         M[i, j] = 1.0
         T = np.zeros((self.features, self.features))  # the features at the old state, less those at the new one
         for k, row in enumerate(self.powers):
             if row[i]:
-                moved = row.copy()
-                moved[i] -= 1
-                moved[j] += 1
-                at = int(np.flatnonzero((self.powers == moved).all(axis=1))[0])
+                rotated = row.copy()
+                rotated[i] -= 1
+                rotated[j] += 1
+                at = int(np.flatnonzero((self.powers == rotated).all(axis=1))[0])
                 T[self.units + k, self.units + at] = row[i]
         F = -m.F @ T if self.readout else m.F
         states = m._replace(A=M @ m.A - m.A @ M, B=M @ m.B, E=M @ m.E - m.E @ T, x0=M @ m.x0)
@@ -332,8 +332,8 @@ class StateSpace(Block):
         W, V = rng.standard_normal(m.W.shape), rng.standard_normal(m.V.shape)
         size = np.sqrt(np.sum(W**2, axis=1) + np.sum(V**2, axis=1)) if self.units else np.ones(0)
         slope = rng.uniform(0.3, 1.5, self.units) / size
-        drawn = m._replace(E=0 * m.E, F=0 * m.F, W=W * slope[:, None], V=V * slope[:, None])
-        return self.joined(drawn._replace(b=rng.uniform(-1.0, 1.0, self.units)))
+        matrices = m._replace(E=0 * m.E, F=0 * m.F, W=W * slope[:, None], V=V * slope[:, None])
+        return self.joined(matrices._replace(b=rng.uniform(-1.0, 1.0, self.units)))
 
     def c(self, theta: np.ndarray) -> Code:
         return text.c(self, theta)

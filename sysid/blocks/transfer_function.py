@@ -140,7 +140,7 @@ class TransferFunction(Block):
         return y
 
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
-        return _Carried(self, theta, q, P)
+        return _PieceFilter(self, theta, q, P)
 
     def c(self, theta: np.ndarray) -> Code:
         B, F = self.padded(theta)
@@ -189,15 +189,15 @@ return y"""
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         b, _, x0 = self.split(theta)
-        own = np.zeros_like(theta)
-        own[: self.nb] = b
-        scale_in, scale_out = -own, own.copy()
+        scaling = np.zeros_like(theta)
+        scaling[: self.nb] = b
+        scale_in, scale_out = -scaling, scaling.copy()
         if self.initial_state:
             scale_out[self.nb + self.nf :] = x0
-        found = [Symmetry(scale_in, in_scale=1.0), Symmetry(scale_out, out_scale=1.0)]
+        changes = [Symmetry(scale_in, in_scale=1.0), Symmetry(scale_out, out_scale=1.0)]
         if self.initial_state or self.n_state == 0:
-            found.append(self._shift(theta))
-        return found
+            changes.append(self._shift(theta))
+        return changes
 
     def _shift(self, theta: np.ndarray) -> Symmetry:
         """A constant at the input adds its static gain at the output, if the initial state is adapted.
@@ -234,7 +234,7 @@ return y"""
         return poles * size ** (powers - 1.0)
 
 
-class _Carried:
+class _PieceFilter:
     """The filter, its tangent and the filtered signals of its own columns, with their states between pieces."""
 
     def __init__(self, block: TransferFunction, theta: np.ndarray, q: int, P: int) -> None:
@@ -276,9 +276,9 @@ class _Carried:
         """The signal (n,) through 1/F, after the outputs before this piece (past + n,)."""
         from sysid.block.kernels import all_pole_after
 
-        before = self.filtered[k]
-        g = np.concatenate([before, np.empty_like(signal)])
-        if signal.any() or before.any():
+        previous = self.filtered[k]
+        g = np.concatenate([previous, np.empty_like(signal)])
+        if signal.any() or previous.any():
             all_pole_after(self.f, signal, g, self.past)
         else:
             g[self.past :] = 0.0

@@ -39,12 +39,12 @@ class TransferMatrix(Block):
         )
 
     def parts(self) -> list[tuple[slice, Block]]:
-        found: list[tuple[slice, Block]] = []
+        entries: list[tuple[slice, Block]] = []
         end = 0
         for _, _, entry in self._flat():
-            found.append((slice(end, end + entry.n_parameters), entry))
+            entries.append((slice(end, end + entry.n_parameters), entry))
             end += entry.n_parameters
-        return found
+        return entries
 
     def propagate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> np.ndarray:
         return self.propagate_all(theta, [x], [J], q)[0][0]
@@ -88,20 +88,20 @@ class TransferMatrix(Block):
         """Gains and offsets of each input and output, over all entries connected to it."""
         n_in, n_out = self.channels
         tables = [[entry.symmetries(theta[part]) for part, entry in self._row(j)] for j in range(n_out)]
-        found = []
+        changes = []
         for i in range(n_in):
             unit = np.eye(n_in)[i]
-            found.append(Symmetry(self._gather(theta, {(j, i): tables[j][i][0].d_theta for j in range(n_out)}), unit))
+            changes.append(Symmetry(self._gather(theta, {(j, i): tables[j][i][0].d_theta for j in range(n_out)}), unit))
             if all(len(tables[j][i]) > 2 for j in range(n_out)):
                 shifts = [tables[j][i][2] for j in range(n_out)]
                 if all(abs(float(s.in_shift)) > 1e-12 for s in shifts):  # an integrator has no constant gain to share
                     parts = {(j, i): s.d_theta / s.in_shift for j, s in enumerate(shifts)}
                     gains = np.array([s.out_shift / s.in_shift for s in shifts])
-                    found.append(Symmetry(self._gather(theta, parts), in_shift=unit, out_shift=gains))
+                    changes.append(Symmetry(self._gather(theta, parts), in_shift=unit, out_shift=gains))
         for j in range(n_out):
             parts = {(j, i): tables[j][i][1].d_theta for i in range(n_in)}
-            found.append(Symmetry(self._gather(theta, parts), out_scale=np.eye(n_out)[j]))
-        return found
+            changes.append(Symmetry(self._gather(theta, parts), out_scale=np.eye(n_out)[j]))
+        return changes
 
     def _row(self, j: int) -> list[tuple[slice, Block]]:
         n = self.channels[0]

@@ -59,13 +59,13 @@ class TravelMap(Written, StaticBlock):
         from sysid.block.kernels import piecewise_linear, spline
 
         low, high, knots = theta[0], theta[1], self.knots
-        s, slope, own = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
-        wide = np.empty((len(x), 2 * knots if own else 0))
+        s, slope, with_jacobian = np.empty_like(x), np.empty_like(x), J.shape[1] > 0
+        wide = np.empty((len(x), 2 * knots if with_jacobian else 0))
         if self.curved:
-            spline(self._pieces, 0.0, 1.0, self._shares(theta), x, s, slope, wide, knots, own, False)
+            spline(self._pieces, 0.0, 1.0, self._shares(theta), x, s, slope, wide, knots, with_jacobian, False)
         else:
-            piecewise_linear(np.linspace(0.0, 1.0, knots), self._shares(theta), x, s, slope, wide, 0, own)
-        if own:
+            piecewise_linear(np.linspace(0.0, 1.0, knots), self._shares(theta), x, s, slope, wide, 0, with_jacobian)
+        if with_jacobian:
             J[:, q], J[:, q + 1] = 1.0 - s, s
             J[:, q + 2 : q + knots] = (high - low) * wide[:, knots + 1 : 2 * knots - 1]
         return low + (high - low) * s, (high - low) * slope
@@ -112,10 +112,10 @@ class TravelMap(Written, StaticBlock):
         steps = np.maximum(np.diff(shares), _LEAST / (self.knots - 1))
         shares = np.concatenate([[0.0], np.cumsum(steps / steps.sum())])
         for share in np.linspace(0.0, 1.0, 21):
-            drawn = (1.0 - share) * shares + share * line
-            if self._flattest(drawn) >= _LEAST:
+            blend = (1.0 - share) * shares + share * line
+            if self._flattest(blend) >= _LEAST:
                 break
-        return np.concatenate([theta[:2], drawn[1:-1]])
+        return np.concatenate([theta[:2], blend[1:-1]])
 
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot, divided by the mean slope."""

@@ -82,5 +82,5 @@ class Chirp:
         """The same, up in half of `length` and down in the mirrored other half."""
         half = length / 2
         up = self._cycles(np.minimum(t, half), half)
-        whole = self._cycles(np.array([half]), half)[0]
-        return np.where(t <= half, up, 2 * whole - self._cycles(np.maximum(length - t, 0.0), half))
+        half_cycles = self._cycles(np.array([half]), half)[0]
+        return np.where(t <= half, up, 2 * half_cycles - self._cycles(np.maximum(length - t, 0.0), half))

@@ -83,8 +83,8 @@ class Multisine:
         elif self.grid != "full":
             k = k[k % 2 == 1]
         if self.grid == "random_odd":
-            whole = len(k) // GROUP * GROUP
-            k = np.delete(k, np.arange(0, whole, GROUP) + rng.integers(GROUP, size=whole // GROUP))
+            grouped = len(k) // GROUP * GROUP
+            k = np.delete(k, np.arange(0, grouped, GROUP) + rng.integers(GROUP, size=grouped // GROUP))
         if len(k) == 0:
             raise InputError(
                 f"a multisine of period {self.period:g} s has no line of the {self.grid} grid from {self.f_min:g} to "

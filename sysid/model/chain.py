@@ -38,12 +38,12 @@ def _parameters(theta: Any, names: tuple[str, ...]) -> np.ndarray:
     """theta (P,) as floats, one value for each of `names`."""
     if type(theta) is np.ndarray and theta.dtype == np.float64 and theta.shape == (len(names),):
         return theta
-    found = array("theta", theta)
-    if found.shape != (len(names),):
+    values = array("theta", theta)
+    if values.shape != (len(names),):
         has = f"{len(names)} parameter{'s' if len(names) != 1 else ''}"
         listed = f" ({', '.join(names[:8])}{', ...' if len(names) > 8 else ''})" if names else ""
-        raise InputError(f"theta is {short_text(found)} and the chain has {has}{listed}; give one value for each")
-    return found
+        raise InputError(f"theta is {short_text(values)} and the chain has {has}{listed}; give one value for each")
+    return values
 
 
 def columns(u: Any, inputs: int) -> list[np.ndarray]:
@@ -93,13 +93,13 @@ class Chain:
 
     def _by_name(self) -> dict[str, float]:
         """`fixed` with a block's role resolved into its parameters."""
-        held: dict[str, float] = {}
+        values_by_name: dict[str, float] = {}
         for key, value in self.fixed.items():
             block = self.block(key)
             if block is None:
                 if not is_number(value) or not abs(float(value)) < np.inf:
                     raise InputError(f"{key} is fixed at {value!r}; give one finite number")
-                held[key] = float(np.asarray(value))
+                values_by_name[key] = float(np.asarray(value))
                 continue
             try:
                 values = np.asarray(value, dtype=float)
@@ -111,8 +111,8 @@ class Chain:
                     f"{key} has {count} parameters and is fixed at {values.size} value(s); give one for each"
                 )
             names = [f"{key}.{s.name}" for s in block.slots() if len(values) > count or not s.initial]
-            held |= dict(zip(names, values.tolist(), strict=True))
-        return held
+            values_by_name |= dict(zip(names, values.tolist(), strict=True))
+        return values_by_name
 
     @cached_property
     def _slices(self) -> dict[str, slice]:
@@ -159,23 +159,23 @@ class Chain:
     @property
     def linear(self) -> TransferFunction:
         """The chain's only transfer function; raises InputError if there is none or several."""
-        found = [b for b in self.blocks if isinstance(b, TransferFunction)]
-        if len(found) != 1 or len(self.dynamics) != 1:
+        filters = [b for b in self.blocks if isinstance(b, TransferFunction)]
+        if len(filters) != 1 or len(self.dynamics) != 1:
             raise InputError(
                 f"this chain has {len(self.dynamics)} transfer functions; the call needs a chain with exactly one"
             )
-        return found[0]
+        return filters[0]
 
     @cached_property
     def dynamics(self) -> tuple[tuple[slice, TransferFunction], ...]:
         """Every transfer function of the chain and the positions of its parameters in theta, matrices by entry."""
-        found: list[tuple[slice, TransferFunction]] = []
+        filters: list[tuple[slice, TransferFunction]] = []
         for b in self.blocks:
             start = self.index(b).start
             for part, entry in b.parts():
                 if isinstance(entry, TransferFunction):
-                    found.append((slice(start + part.start, start + part.stop), entry))
-        return tuple(found)
+                    filters.append((slice(start + part.start, start + part.stop), entry))
+        return tuple(filters)
 
     @property
     def channels(self) -> tuple[int, int]:
@@ -297,10 +297,10 @@ class Chain:
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
         for b in self.blocks:
             for part, entry in b.parts():
-                own = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
-                kink, d = entry.kinks(theta[own])
+                positions = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
+                kink, d = entry.kinks(theta[positions])
                 wide = np.zeros((len(kink), len(theta)))
-                wide[:, own] = d
+                wide[:, positions] = d
                 values.append(kink)
                 rows.append(wide)
         return np.concatenate(values), np.concatenate(rows)

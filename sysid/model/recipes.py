@@ -114,7 +114,7 @@ class Recipe(ABC):
     def neighbours(self) -> "tuple[Recipe, ...]":
         """The same with one order more or less; a structure search tries them around its best candidates."""
         steps = [{name: step} for name in self.orders for step in (1, -1)]
-        return tuple(found for step in steps if (found := self.stepped(**step)) is not None)
+        return tuple(recipe for step in steps if (recipe := self.stepped(**step)) is not None)
 
     def stepped(self, **steps: int) -> "Recipe | None":
         """The same with its orders changed by `steps`; None below the least order."""

@@ -58,22 +58,22 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     for b in chain.blocks:
         part = chain.index(b)
         if isinstance(b, TransferFunction):
-            own = transfer(chain, theta, b)
-            total = total.times(own)
-            gain = own.gain
+            factor = transfer(chain, theta, b)
+            total = total.times(factor)
+            gain = factor.gain
             if np.isfinite(gain):
-                x, J = gain * x, gain * J + x * own.gain_gradient
+                x, J = gain * x, gain * J + x * factor.gain_gradient
             else:  # the level is undefined here; maps with slope one do not need it
                 x, J = np.full_like(x, np.nan), np.full_like(J, np.nan)
         elif isinstance(b, StateSpace) and b.channels == (1, 1) and np.all(np.isfinite(x)):
-            own, x, J = _around(b, theta, part, x, J)
-            total = total.times(own)
+            factor, x, J = _linearise(b, theta, part, x, J)
+            total = total.times(factor)
         elif isinstance(b, StaticBlock):
             if not np.all(np.isfinite(x)) and b.n_parameters:
                 raise InputError("the chain integrates before a static map, so a constant input has no steady state")
             slope, d_slope = _slope(b, theta, part, x, J) if np.all(np.isfinite(x)) else (1.0, np.zeros(P))
             total = total.times(Rational(np.array([slope]), np.ones(1), d_slope[None, :], np.zeros((1, P))))
-            x, J = _through(b, theta, part, x, J) if np.all(np.isfinite(x)) else (x, J)
+            x, J = _map_output(b, theta, part, x, J) if np.all(np.isfinite(x)) else (x, J)
         else:
             raise InputError(
                 f"block {b.role!r} is neither a transfer function nor a static map; it has no tangent here"
@@ -93,26 +93,26 @@ def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction) -> Ration
     return Rational(B, F, dB, dF)
 
 
-def _around(
+def _linearise(
     block: StateSpace, theta: np.ndarray, part: slice, x: np.ndarray, J: np.ndarray
 ) -> tuple[Rational, np.ndarray, np.ndarray]:
     """B/F of a state space around the steady state of x (1,), its output (1,) and that one's gradient (1, P)."""
     n = block.nx + 1
 
-    def polynomials(own: np.ndarray, level: float) -> np.ndarray:
-        A, B, C, D, y = block.linearised(own, np.array([level]))
+    def polynomials(values: np.ndarray, level: float) -> np.ndarray:
+        A, B, C, D, y = block.linearised(values, np.array([level]))
         F = np.real(np.poly(A))
         return np.concatenate([np.real(np.poly(A - B @ C)) + (D[0, 0] - 1.0) * F, F, y])  # the matrix determinant lemma
 
-    own, level = theta[part], float(x[0])
-    value, gradient = polynomials(own, level), np.zeros((2 * n + 1, len(theta)))
-    for i in range(len(own)):
-        h = _STEP * max(1.0, abs(own[i]))
-        e = h * np.eye(len(own))[i]
-        gradient[:, part.start + i] = (polynomials(own + e, level) - polynomials(own - e, level)) / (2.0 * h)
+    values, level = theta[part], float(x[0])
+    value, gradient = polynomials(values, level), np.zeros((2 * n + 1, len(theta)))
+    for i in range(len(values)):
+        h = _STEP * max(1.0, abs(values[i]))
+        e = h * np.eye(len(values))[i]
+        gradient[:, part.start + i] = (polynomials(values + e, level) - polynomials(values - e, level)) / (2.0 * h)
     if np.any(J):
         h = _STEP * max(1.0, abs(level))
-        gradient += np.outer((polynomials(own, level + h) - polynomials(own, level - h)) / (2.0 * h), J[0])
+        gradient += np.outer((polynomials(values, level + h) - polynomials(values, level - h)) / (2.0 * h), J[0])
     rational = Rational(value[:n], value[n : 2 * n], gradient[:n], gradient[n : 2 * n])
     return rational, value[2 * n :], gradient[2 * n :]
 
@@ -122,15 +122,15 @@ def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.nda
     x, J = np.ascontiguousarray(u, dtype=float), np.zeros((len(u), len(theta)))
     for b in chain.blocks:
         if isinstance(b, TransferFunction):
-            own = transfer(chain, theta, b)
-            if not np.isfinite(own.gain):
+            factor = transfer(chain, theta, b)
+            if not np.isfinite(factor.gain):
                 raise InputError("the chain integrates, so a constant input has no steady state")
-            x, J = own.gain * x, own.gain * J + x[:, None] * own.gain_gradient
+            x, J = factor.gain * x, factor.gain * J + x[:, None] * factor.gain_gradient
         elif isinstance(b, StateSpace) and b.channels == (1, 1):
-            levels = [_around(b, theta, chain.index(b), x[i : i + 1], J[i : i + 1])[1:] for i in range(len(x))]
+            levels = [_linearise(b, theta, chain.index(b), x[i : i + 1], J[i : i + 1])[1:] for i in range(len(x))]
             x, J = np.concatenate([y for y, _ in levels]), np.concatenate([G for _, G in levels])
         elif isinstance(b, StaticBlock):
-            x, J = _through(b, theta, chain.index(b), x, J)
+            x, J = _map_output(b, theta, chain.index(b), x, J)
         else:
             raise InputError(
                 f"block {b.role!r} is neither a transfer function nor a static map; it has no steady state"
@@ -138,7 +138,7 @@ def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.nda
     return x, J
 
 
-def _through(
+def _map_output(
     block: StaticBlock, theta: np.ndarray, part: slice, x: np.ndarray, J: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Output (n,) of a map and its gradient (n, P), for an input x (n,) with gradient J (n, P)."""
@@ -158,8 +158,8 @@ def _slope(
     probe = np.ones((1, 1 + block.n_parameters))
     block.propagate(theta[part], x.copy(), probe, 1)
     h = _STEP * max(1.0, abs(float(x[0])))
-    _, up = _through(block, theta, part, x + h, J)
-    _, down = _through(block, theta, part, x - h, J)
+    _, up = _map_output(block, theta, part, x + h, J)
+    _, down = _map_output(block, theta, part, x - h, J)
     return float(probe[0, 0]), (up - down)[0] / (2.0 * h)
 
 

@@ -40,18 +40,18 @@ def shift(chain: Chain, u: np.ndarray, y: np.ndarray) -> Shift:
     one so large that rounding would show.
     """
     law = Shift(np.eye(len(chain.names)), np.zeros(len(chain.names)), np.zeros_like(u), np.zeros_like(y))
-    held = np.array([name in chain.fixed or name in chain.bounds for name in chain.names])
-    for end, offsets, taken in (("in_shift", u, law.input), ("out_shift", y, law.output)):
+    constrained = np.array([name in chain.fixed or name in chain.bounds for name in chain.names])
+    for end, offsets, absorbed in (("in_shift", u, law.input), ("out_shift", y, law.output)):
         block = chain.blocks[0 if end == "in_shift" else -1]
         at = chain.index(block).start
-        for channel, (own, part) in enumerate(_maps(block)):
+        for channel, (positions, part) in enumerate(_maps(block)):
             flow = _flow(part, end, float(offsets[channel]))
-            here = slice(at + own.start, at + own.stop)
-            if flow is None or np.any(np.any(flow != np.eye(len(flow)), axis=1)[:-1] & held[here]):
+            columns = slice(at + positions.start, at + positions.stop)
+            if flow is None or np.any(np.any(flow != np.eye(len(flow)), axis=1)[:-1] & constrained[columns]):
                 continue
-            law.M[here, here] = flow[:-1, :-1] @ law.M[here, here]
-            law.m[here] = flow[:-1, :-1] @ law.m[here] + flow[:-1, -1]
-            taken[channel] = offsets[channel]
+            law.M[columns, columns] = flow[:-1, :-1] @ law.M[columns, columns]
+            law.m[columns] = flow[:-1, :-1] @ law.m[columns] + flow[:-1, -1]
+            absorbed[channel] = offsets[channel]
     return law
 
 
@@ -65,8 +65,8 @@ def _flow(block: Block, end: str, offset: float) -> np.ndarray | None:
     if not (block.centred and offset):
         return None
     base, p = block.start(np.linspace(0.0, _APART, 50)), block.n_parameters
-    tried = (_move(block, end, theta) for theta in (base, *(base + unit for unit in np.eye(p))))
-    moves = [move for move in tried if move is not None]
+    candidates = (_move(block, end, theta) for theta in (base, *(base + unit for unit in np.eye(p))))
+    moves = [move for move in candidates if move is not None]
     if not moves:
         return None
     field = np.zeros((p + 1, p + 1))
@@ -98,38 +98,38 @@ def rescale(chain: Chain, a: np.ndarray, b: np.ndarray) -> Rescaled | None:
     laws = _laws(chain, a, b)
     if laws is None:
         return None
-    M = block_diagonal(*(own.M for own in laws))
+    M = block_diagonal(*(law.M for law in laws))
     sizes = np.abs(M[M != 0.0])
     if not np.all((sizes > _SMALLEST) & (sizes < 1.0 / _SMALLEST)) or not np.all(np.any(M != 0.0, axis=1)):
         return None  # a high power of a large unit
-    there = replace(chain, blocks=tuple(own.block for own in laws), fixed={}, bounds={})
+    scaled_chain = replace(chain, blocks=tuple(law.block for law in laws), fixed={}, bounds={})
     if not (chain.fixed or chain.bounds):
-        return Rescaled(there, M)
+        return Rescaled(scaled_chain, M)
     place = np.argmax(M != 0.0, axis=1)
     fixed, bounds = {}, {}
     for name in {**chain.fixed, **chain.bounds}:
         i = chain.names.index(name)
         if np.count_nonzero(M[i]) > 1:
             return None
-        other, factor = there.names[place[i]], M[i, place[i]]
+        name_there, factor = scaled_chain.names[place[i]], M[i, place[i]]
         if name in chain.fixed:
-            fixed[other] = chain.fixed[name] / factor
+            fixed[name_there] = chain.fixed[name] / factor
         if name in chain.bounds:
             low, high = sorted(end / factor for end in chain.bounds[name])
-            bounds[other] = (low, high)
-    return Rescaled(replace(there, fixed=fixed, bounds=bounds), M)
+            bounds[name_there] = (low, high)
+    return Rescaled(replace(scaled_chain, fixed=fixed, bounds=bounds), M)
 
 
 def _laws(chain: Chain, a: np.ndarray, b: np.ndarray) -> list[Law] | None:
     moving = [k for k in range(len(chain.blocks)) if _dynamic(chain, k)]
     change = moving[-1] if moving else len(chain.blocks) - 1
-    found = []
+    laws = []
     for k, block in enumerate(chain.blocks):
-        own = block.law(a if k <= change else b, a if k < change else b)
-        if own is None:
+        law = block.law(a if k <= change else b, a if k < change else b)
+        if law is None:
             return None
-        found.append(own)
-    return found
+        laws.append(law)
+    return laws
 
 
 def _dynamic(chain: Chain, k: int) -> bool:

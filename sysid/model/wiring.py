@@ -66,9 +66,9 @@ def written(unit: Unit, what: str) -> Callable[..., Any]:
     """
     kind = type(unit.block)
     order = kind.__mro__
-    own = next(c for c in order if {what, "functions"} & set(vars(c)))
+    writer_class = next(c for c in order if {what, "functions"} & set(vars(c)))
     run = next(c for c in order if {"propagate", "evaluate"} & set(vars(c)))
-    if own is Block or (run not in (Recursion, Map) and order.index(run) < order.index(own)):
+    if writer_class is Block or (run not in (Recursion, Map) and order.index(run) < order.index(writer_class)):
         static = isinstance(unit.block, StaticBlock)
         way = "fit a piecewise linear map or a spline in its place" if static else "run the fit itself, in Python"
         form = {"c": "C", "python": "Python", "equations": "text"}[what]

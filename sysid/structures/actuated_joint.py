@@ -41,11 +41,11 @@ def actuated_joint(
     `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's
     dead zone have the same effect unless the motor coasts: leave one of them out.
     """
-    own = motor if motor is not None else Motor(load=3, stops=knots is not None)
+    block = motor if motor is not None else Motor(load=3, stops=knots is not None)
     blocks: list[Block] = [Quantiser(driver_step, role="levels")] if driver_step is not None else []
     if driver is not None:
         blocks.append(static(driver, "driver"))
-    blocks.append(replace(own, role="motor"))
+    blocks.append(replace(block, role="motor"))
     if knots is not None:
         blocks.append(TravelMap(knots, smooth=True, role="map"))
     if play:
@@ -56,15 +56,15 @@ def actuated_joint(
         blocks.append(static(sensor, "sensor"))
     # At the first sample only position counts: a speed is gone within a lag. A constant load is no more than a
     # difference between the frictions up and down, unless the screw takes a share of it.
-    held = {"motor.v0": 0.0}
-    if own.load and not own.loss:
-        held["motor.load0"] = 0.0
+    constants = {"motor.v0": 0.0}
+    if block.load and not block.loss:
+        constants["motor.load0"] = 0.0
     if knots is not None:
-        held |= {f"motor.{end}": float(end == "upper") for end in own.ends}
+        constants |= {f"motor.{end}": float(end == "upper") for end in block.ends}
     if compliance:  # nor does the link swing yet
-        held |= {"link.lead0": 0.0, "link.speed0": 0.0}
-    held |= fixed or {}
-    return Chain(tuple(blocks), structure="actuated_joint", fixed=held, bounds=dict(bounds or {}))
+        constants |= {"link.lead0": 0.0, "link.speed0": 0.0}
+    constants |= fixed or {}
+    return Chain(tuple(blocks), structure="actuated_joint", fixed=constants, bounds=dict(bounds or {}))
 
 
 _ENDED = {

@@ -53,10 +53,10 @@ class MotorProfile(Recipe):
 
     def neighbours(self) -> tuple[Recipe, ...]:
         """Twice or half the places, with and without a delay."""
-        other = replace(self, delay="none" if self.delay == "found" else "found")
+        alternative = replace(self, delay="none" if self.delay == "found" else "found")
         return (
             *(replace(self, knots=knots) for knots in (2 * self.knots - 1, (self.knots + 1) // 2) if knots > 1),
-            other,
+            alternative,
         )
 
     def model(self) -> Chain:

@@ -47,28 +47,28 @@ def servo_joint(
     """
     if not 0.0 < limit < math.inf:
         raise InputError(f"the servo's limit is {limit}; give its largest drive: 1 for full duty, or volts")
-    own = motor if motor is not None else ServoMotor(load=0, periodic=1, stops=False, at=0.0)
-    known = _known(own, {"kp": kp, "kd": kd, "ki": ki}, Ts)
-    if twice := [name for name in known if name in (fixed or {})]:
+    block = motor if motor is not None else ServoMotor(load=0, periodic=1, stops=False, at=0.0)
+    known_gains = _known(block, {"kp": kp, "kd": kd, "ki": ki}, Ts)
+    if twice := [name for name in known_gains if name in (fixed or {})]:
         raise InputError(f"{twice[0]} is given as a gain and in fixed; leave one of the two out")
     blocks: list[Block] = [static(command, "command")] if command is not None else []
-    blocks.append(replace(own, role="motor"))
+    blocks.append(replace(block, role="motor"))
     if play:
         blocks.append(replace(Play() if play is True else play, role="play"))
     if sensor is not None:
         blocks.append(static(sensor, "sensor"))
-    held = {"motor.v0": 0.0, "motor.limit": float(limit)}
-    if own.load and not own.loss:  # a constant load is a difference between the frictions
-        held["motor.load0"] = 0.0
-    held |= known | dict(fixed or {})
-    return Chain(tuple(blocks), structure="servo_joint", fixed=held, bounds=dict(bounds or {}))
+    constants = {"motor.v0": 0.0, "motor.limit": float(limit)}
+    if block.load and not block.loss:  # a constant load is a difference between the frictions
+        constants["motor.load0"] = 0.0
+    constants |= known_gains | dict(fixed or {})
+    return Chain(tuple(blocks), structure="servo_joint", fixed=constants, bounds=dict(bounds or {}))
 
 
 def _known(motor: ServoMotor, gains: Mapping[str, float | None], Ts: float | None) -> dict[str, float]:
     """The gains that are known by parameter, in samples of Ts [s]."""
-    found = {name: value for name, value in gains.items() if value is not None}
+    named_gains = {name: value for name, value in gains.items() if value is not None}
     names = {slot.name for slot in motor.slots()}
-    for name, value in found.items():
+    for name, value in named_gains.items():
         if name not in names:
             raise InputError(
                 f"{name} of the servo is {value} and its loop {motor.loop!r}, which has none; leave {name} out or give "
@@ -77,10 +77,10 @@ def _known(motor: ServoMotor, gains: Mapping[str, float | None], Ts: float | Non
         if not 0.0 <= value < math.inf or (name == "kp" and value == 0.0):
             least = "a number above 0" if name == "kp" else "0 or more"
             raise InputError(f"{name} of the servo is {value}; give {least}, or leave it out")
-    if Ts is None and any(name != "kp" for name in found):
+    if Ts is None and any(name != "kp" for name in named_gains):
         raise InputError("kd and ki of a servo count in seconds; give Ts, the sampling time [s]")
     factor = {"kp": 1.0, "kd": 1.0 / (Ts or 1.0), "ki": Ts or 1.0}
-    return {f"motor.{name}": value * factor[name] for name, value in found.items()}
+    return {f"motor.{name}": value * factor[name] for name, value in named_gains.items()}
 
 
 @checked
@@ -131,9 +131,9 @@ class ServoJoint(Recipe):
     def neighbours(self) -> tuple[Recipe, ...]:
         """A loop with one term more or less that has every known gain, the other load, and the other supply."""
         k, least = LOOPS.index(self.loop), 2 if self.ki is not None else 1 if self.kd is not None else 0
-        found = [replace(self, loop=LOOPS[i]) for i in (k - 1, k + 1) if least <= i < len(LOOPS)]
-        found += [replace(self, load=load) for load in LOADS if load != self.load]
-        return (*found, *(replace(self, supply=supply) for supply in SUPPLIES if supply != self.supply))
+        recipes = [replace(self, loop=LOOPS[i]) for i in (k - 1, k + 1) if least <= i < len(LOOPS)]
+        recipes += [replace(self, load=load) for load in LOADS if load != self.load]
+        return (*recipes, *(replace(self, supply=supply) for supply in SUPPLIES if supply != self.supply))
 
     def model(self) -> Chain:
         """With gains per sample of one second, and a turn of 2 pi where none is given."""
@@ -149,9 +149,9 @@ class ServoJoint(Recipe):
             motor = replace(motor, load=3)
         else:
             motor = replace(motor, load=0, periodic=1, period=turn if self.turn is None else self.turn)
-        held = {} if self.dead is None else {"motor.dead": self.dead}
+        constants = {} if self.dead is None else {"motor.dead": self.dead}
         gains: dict[str, Any] = {"kp": self.kp, "kd": self.kd, "ki": self.ki, "Ts": Ts}
-        return servo_joint(motor, play=False, sensor=self.output_map, limit=self.limit, fixed=held, **gains)
+        return servo_joint(motor, play=False, sensor=self.output_map, limit=self.limit, fixed=constants, **gains)
 
     def in_words(self, fit: Any = None) -> str:
         parts = f"motor with friction in a {self.loop.upper()} loop, {self.load} load, backlash"

@@ -19,7 +19,7 @@ from sysid.block.compiler.ir import (
     Stmt,
     Var,
     expressions,
-    mapped,
+    map_expressions,
     rebuilt,
     statements,
     walk,
@@ -64,37 +64,41 @@ class Activity:
 def activity(program: Program) -> Activity:
     """Which variables carry derivatives, anywhere in the program."""
     assigned = [s for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)]
-    found = Activity(frozenset(), frozenset(), frozenset())
+    active_parts = Activity(frozenset(), frozenset(), frozenset())
     while True:
-        active = frozenset(s.target for s in assigned if found.of(s.value))
-        if active == found.active:
+        active = frozenset(s.target for s in assigned if active_parts.of(s.value))
+        if active == active_parts.active:
             break
-        found = replace(found, active=found.active | active)
-    light = frozenset(v for v in found.active if not v.state)
+        active_parts = replace(active_parts, active=active_parts.active | active)
+    light = frozenset(v for v in active_parts.active if not v.state)
     while True:
-        kept = light - {s.target for s in assigned if not all(_light(leaf, light) for leaf in found.leaves(s.value))}
-        if kept == light:
+        remaining = light - {
+            s.target for s in assigned if not all(_light(leaf, light) for leaf in active_parts.leaves(s.value))
+        }
+        if remaining == light:
             break
-        light = kept
+        light = remaining
     once = [s for s in assigned if sum(o.target == s.target for o in assigned) == 1]
     inputs = frozenset(s.target for s in once if isinstance(s.value, Ago) and not s.target.state)
-    return Activity(found.active, light, inputs)
+    return Activity(active_parts.active, light, inputs)
 
 
 def _light(leaf: Expr, light: frozenset[Var]) -> bool:
     return (isinstance(leaf, Param) and leaf.index is None) or leaf in light
 
 
-def lowered(body: Body, found: Activity, taken: set[str]) -> Body:
+def lower_branches(body: Body, found: Activity, taken: set[str]) -> Body:
     """The same with differentiable if-else values, min and max written as statements."""
     out: list[Stmt] = []
     for s in body:
         if isinstance(s, Assign):
             _assign(s.target, s.value, found, taken, out)
         elif isinstance(s, If):
-            out.append(replace(s, body=lowered(s.body, found, taken), orelse=lowered(s.orelse, found, taken)))
+            out.append(
+                replace(s, body=lower_branches(s.body, found, taken), orelse=lower_branches(s.orelse, found, taken))
+            )
         elif isinstance(s, For):
-            out.append(replace(s, body=lowered(s.body, found, taken)))
+            out.append(replace(s, body=lower_branches(s.body, found, taken)))
         elif isinstance(s, Return):
             out.append(Return(_plain(s.value, found, taken, out)))
         else:
@@ -128,7 +132,7 @@ def _assign(target: Var, e: Expr, found: Activity, taken: set[str], out: list[St
 def _plain(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
     """The expression, with its branching parts as statements before it."""
     if _branches(e, found):
-        return _named(e, found, taken, out)
+        return _name_part(e, found, taken, out)
     if not found.of(e):
         return e
     return rebuilt(e, lambda a: _plain(a, found, taken, out))
@@ -136,10 +140,10 @@ def _plain(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
 
 def _atom(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Expr:
     """The expression, or a name for it if it would occur twice."""
-    return _named(e, found, taken, out) if isinstance(e, Op) else e
+    return _name_part(e, found, taken, out) if isinstance(e, Op) else e
 
 
-def _named(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
+def _name_part(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
     k = 1
     while f"part{k}" in taken:
         k += 1
@@ -149,25 +153,25 @@ def _named(e: Expr, found: Activity, taken: set[str], out: list[Stmt]) -> Var:
     return target
 
 
-def hoisted(program: Program) -> Program:
+def hoist_constants(program: Program) -> Program:
     """The same, with expressions of only parameters and structure computed once before the first sample."""
     assigned = [s.target for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)]
-    known: set[Var] = set()
+    constants: set[Var] = set()
     early: list[Stmt] = []
     late: list[Stmt] = []
     for s in program.step:
         alone = isinstance(s, Assign) and not s.target.state and assigned.count(s.target) == 1
-        if alone and isinstance(s, Assign) and all(_constant(e, known) for e in walk(s.value)):
-            known.add(s.target)
+        if alone and isinstance(s, Assign) and all(_constant(e, constants) for e in walk(s.value)):
+            constants.add(s.target)
             early.append(s)
         else:
             late.append(s)
 
     def checked(e: Expr) -> Expr:
         e = rebuilt(e, checked)
-        return replace(e, checked=True) if isinstance(e, Ago) and all(_constant(n, known) for n in walk(e.n)) else e
+        return replace(e, checked=True) if isinstance(e, Ago) and all(_constant(n, constants) for n in walk(e.n)) else e
 
-    return replace(program, begin=(*early, *program.begin), step=mapped(tuple(late), checked))
+    return replace(program, begin=(*early, *program.begin), step=map_expressions(tuple(late), checked))
 
 
 def delays(program: Program) -> list[Expr]:
@@ -181,9 +185,11 @@ def _constant(e: Expr, known: set[Var]) -> bool:
 
 def names(program: Program) -> set[str]:
     """All local names of a program."""
-    found = {s.target.name for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)}
-    found |= {s.index for body in (program.begin, program.step) for s in statements(body) if isinstance(s, For)}
-    return found
+    local_names = {
+        s.target.name for body in (program.begin, program.step) for s in statements(body) if isinstance(s, Assign)
+    }
+    local_names |= {s.index for body in (program.begin, program.step) for s in statements(body) if isinstance(s, For)}
+    return local_names
 
 
 def alive(body: Body, out: frozenset[Var], left: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset:
@@ -204,12 +210,12 @@ def alive(body: Body, out: frozenset[Var], left: frozenset[Var], states: frozens
 
 def head(loop: For, out: frozenset[Var], states: frozenset[Var], found: Activity) -> frozenset[Var]:
     """Variables whose vectors are needed at the head of a loop; `out` after it."""
-    more = out
+    needed = out
     while True:
-        wider = more | alive(loop.body, more, out, states, found)
-        if wider == more:
-            return more
-        more = wider
+        wider = needed | alive(loop.body, needed, out, states, found)
+        if wider == needed:
+            return needed
+        needed = wider
 
 
 def now(e: Expr) -> bool:

@@ -17,7 +17,7 @@ from sysid.block.compiler.ir import (
     Var,
     children,
     expressions,
-    own,
+    expressions_of,
     statements,
     walk,
 )
@@ -36,10 +36,10 @@ class Facts:
         self.loops = [s for s in statements(body) if isinstance(s, For)]
         self.spans = {Var(s.index): constant(s.count) for s in self.loops}
         self.whole = wholes(body) | set(self.spans)
-        self.truths = self._kept(locals_of(body), lambda e, known: is_truth(e, known))
-        self.still = self._kept(locals_of(body), lambda e, known: _still(e, known | set(self.spans)))
+        self.truths = self._largest_subset(locals_of(body), lambda e, known: is_truth(e, known))
+        self.still = self._largest_subset(locals_of(body), lambda e, known: _still(e, known | set(self.spans)))
 
-    def _kept(self, known: set[Var], holds) -> set[Var]:
+    def _largest_subset(self, known: set[Var], holds) -> set[Var]:
         while True:
             less = {s.target for s in self.assigned if s.target in known and not holds(s.value, known)}
             if not less:
@@ -73,14 +73,16 @@ class Facts:
 
     def growing(self) -> list[Assign]:
         """Assignments in loops that multiply, or add, whole numbers carried from pass to pass."""
-        found = []
+        growth = []
         for loop in self.loops:
-            inside = [s for s in statements(loop.body) if isinstance(s, Assign) and s.target in self.whole]
-            carried = {s.target for s in inside if s.target in {o.target for o in self.assigned if o not in inside}}
-            while more := {s.target for s in inside if variables(s.value) & carried} - carried:
+            assignments = [s for s in statements(loop.body) if isinstance(s, Assign) and s.target in self.whole]
+            carried = {
+                s.target for s in assignments if s.target in {o.target for o in self.assigned if o not in assignments}
+            }
+            while more := {s.target for s in assignments if variables(s.value) & carried} - carried:
                 carried |= more
-            found += [s for s in inside if s.target in carried and _grows(s.value, carried)]
-        return found
+            growth += [s for s in assignments if s.target in carried and _grows(s.value, carried)]
+        return growth
 
 
 def is_truth(e: Expr, known: set[Var]) -> bool:
@@ -140,7 +142,7 @@ def check_depth(program: Program) -> None:
         if _levels(body) > _DEEPEST:
             raise InputError(f"statements of the step stand in more than {_DEEPEST} others; use fewer branches")
         for s in statements(body):
-            if any(_depth(e) > _DEEPEST for e in own(s)):
+            if any(_depth(e) > _DEEPEST for e in expressions_of(s)):
                 raise InputError(
                     f"an expression of the step nests more than {_DEEPEST} levels deep; split it over several lines"
                 )

@@ -3,7 +3,7 @@
 import sys
 from dataclasses import dataclass, field, replace
 
-from sysid.block.compiler.activity import Activity, activity, looks_back, lowered, memoryless, names, now
+from sysid.block.compiler.activity import Activity, activity, looks_back, lower_branches, memoryless, names, now
 from sysid.block.compiler.ir import (
     COMPARISONS,
     Ago,
@@ -92,9 +92,9 @@ class Derivatives:
 
     def __post_init__(self) -> None:
         self.found: Activity = activity(self.program)
-        taken = names(self.program)
-        self.begin = lowered(self.program.begin, self.found, taken)
-        self.step = lowered(self.program.step, self.found, taken)
+        reserved = names(self.program)
+        self.begin = lower_branches(self.program.begin, self.found, reserved)
+        self.step = lower_branches(self.program.step, self.found, reserved)
         self.found = activity(replace(self.program, begin=self.begin, step=self.step))
         self.states = frozenset(v for v in self.found.active if v.state)
         self.back = looks_back(self.program)
@@ -108,10 +108,10 @@ class Derivatives:
 
     def _output(self) -> Var | None:
         """The output variable if it is live through loops: its vector is the row of the Jacobian itself."""
-        given = {s.value for s in statements(self.step) if isinstance(s, Return)}
-        if len(given) != 1 or not any(loops(s) for s in self.step):
+        outputs = {s.value for s in statements(self.step) if isinstance(s, Return)}
+        if len(outputs) != 1 or not any(loops(s) for s in self.step):
             return None
-        (value,) = given
+        (value,) = outputs
         vector = isinstance(value, Var) and value in self.found.vectors(value) and not value.state
         return value if vector and isinstance(value, Var) else None
 
@@ -139,12 +139,12 @@ class Derivatives:
         terms: dict[Key, list[tuple[Coefficient, Coefficient]]] = {}
         value = self._value(e, values)
         self._pull(e, 1.0, values, env, terms)
-        found: Map = {}
+        derivative: Map = {}
         for key, pairs in terms.items():
             c = self._sum(pairs)
             if c != 0.0:
-                found[key] = c
-        return value, found
+                derivative[key] = c
+        return value, derivative
 
     def _value(self, e: Expr, values: dict[int, str]) -> str:
         """A name or number for the value of an expression; assigned to a new name if necessary."""
@@ -179,8 +179,8 @@ class Derivatives:
                 terms.setdefault(key, []).append((factor, c))
             return
         args = [self._value(a, values) for a in e.args]
-        own = self._value(e, values)
-        for arg, slope in zip(e.args, self._slopes(e, args, own), strict=True):
+        value = self._value(e, values)
+        for arg, slope in zip(e.args, self._slopes(e, args, value), strict=True):
             if self.found.of(arg):
                 self._pull(arg, self._times(factor, slope()), values, env, terms)
 
@@ -251,14 +251,14 @@ class Derivatives:
 
     def _parameters(self, v: Var, seen: frozenset[Var] = frozenset()) -> list[str]:
         """The parameters on which a light variable depends."""
-        found: set[str] = set()
+        parameters: set[str] = set()
         for s in (s for b in (self.begin, self.step) for s in statements(b) if isinstance(s, Assign) and s.target == v):
             for leaf in self.found.leaves(s.value):
                 if isinstance(leaf, Param):
-                    found.add(leaf.name)
+                    parameters.add(leaf.name)
                 elif isinstance(leaf, Var) and leaf not in seen and leaf != v:
-                    found |= set(self._parameters(leaf, seen | {v}))
-        return sorted(found)
+                    parameters |= set(self._parameters(leaf, seen | {v}))
+        return sorted(parameters)
 
 
 def _float(text: str) -> Coefficient:

@@ -43,18 +43,18 @@ def equations(program: Program, rows: Mapping[str, np.ndarray], w: Writer, timel
 
 def _recursion(program: Program) -> tuple[Expr, int, str] | None:
     """The output as one expression, its delay in samples, and the state that holds the previous output."""
-    known: dict[Var, Expr] = {}
+    definitions: dict[Var, Expr] = {}
     for s in program.step:
         if isinstance(s, Assign):
-            known[s.target] = _put(s.value, known)
+            definitions[s.target] = _put(s.value, definitions)
         elif isinstance(s, Return):
-            value = _put(s.value, known)
+            value = _put(s.value, definitions)
             states = [Var(n, True) for n in program.states]
             if not states:
                 return value, 0, ""
             if len(states) > 1 or any(isinstance(e, Ago) for e in expressions(program.step) if e != Ago(Num(0))):
                 return None
-            new = known.get(states[0], states[0])
+            new = definitions.get(states[0], states[0])
             if value == new:
                 return value, 0, states[0].name
             return (new, 1, states[0].name) if value == states[0] else None

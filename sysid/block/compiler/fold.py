@@ -24,7 +24,7 @@ from sysid.block.compiler.ir import (
     Var,
     ends,
     expressions,
-    mapped,
+    map_expressions,
     rebuilt,
     statements,
 )
@@ -34,7 +34,7 @@ _LONGEST = 8  # iterations that are tried one by one
 Env = dict[Var, Num]
 
 
-def specialised(
+def specialise(
     program: Program, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
 ) -> Program:
     """The program of one block with one theta: parameters become numbers; indexed rows stay."""
@@ -43,12 +43,12 @@ def specialised(
         folder.reads = _reads((*program.begin, *program.step))
         begin, first = folder.body(program.begin, {})
         still = dict.fromkeys((Var(s, True) for s in program.states), Num(0.0))
-        held = {v: n for v, n in {**still, **(first or {})}.items() if v.state and not _moves(program.step, v, n)}
-        held = {v: n for v, n in held.items() if v in (first or {}) or not _sets(begin, v)}
-        step, _ = folder.body(program.step, dict(held))
+        constants = {v: n for v, n in {**still, **(first or {})}.items() if v.state and not _moves(program.step, v, n)}
+        constants = {v: n for v, n in constants.items() if v in (first or {}) or not _sets(begin, v)}
+        step, _ = folder.body(program.step, dict(constants))
         folded = _without_dead(replace(program, begin=begin, step=step))
         if folded == program:
-            return replace(folded, step=renamed(folded.step, folded.step))
+            return replace(folded, step=rename_variables(folded.step, folded.step))
         program = folded
 
 
@@ -117,7 +117,7 @@ class _Folder:
         else:
             known = {k: v for k, v in known_a.items() if known_b.get(k) == v and _same(v, known_b[k])}
         if not a and b:
-            return (If(negated(test), b, ()),), known
+            return (If(negate(test), b, ()),), known
         return ((If(test, a, b),) if a or b else ()), known
 
     def _for(self, s: For, env: Env, around: Body) -> tuple[Body, Env]:
@@ -132,16 +132,16 @@ class _Folder:
                     rounds.append(done)
             if len(rounds) <= 1:
                 return (rounds[0] if rounds else ()), {k: v for k, v in known.items() if k != Var(s.index)}
-        moved = {e.target for e in statements(s.body) if isinstance(e, Assign)} | {Var(s.index)}
-        env = {k: v for k, v in env.items() if k not in moved}
+        assigned = {e.target for e in statements(s.body) if isinstance(e, Assign)} | {Var(s.index)}
+        env = {k: v for k, v in env.items() if k not in assigned}
         body, _ = self.body(s.body, dict(env))
         return ((For(s.index, count, body),) if body else ()), env
 
     def _idle(self, body: Body, loop: Body) -> bool:
         """Whether the statements of a loop set only locals that are not read outside it."""
-        inside = _reads(loop)
+        reads = _reads(loop)
         return all(
-            isinstance(s, Assign) and not s.target.state and self.reads[s.target] == inside[s.target] for s in body
+            isinstance(s, Assign) and not s.target.state and self.reads[s.target] == reads[s.target] for s in body
         )
 
 
@@ -151,12 +151,12 @@ def _reads(body: Body) -> Counter[Var]:
 
 def _own_level(body: Body) -> list[Stmt]:
     """Statements of a loop's body that are not in a loop within it."""
-    found: list[Stmt] = []
+    level: list[Stmt] = []
     for s in body:
-        found.append(s)
+        level.append(s)
         if isinstance(s, If):
-            found += [*_own_level(s.body), *_own_level(s.orelse)]
-    return found
+            level += [*_own_level(s.body), *_own_level(s.orelse)]
+    return level
 
 
 def _same(a: Num, b: Num) -> bool:
@@ -167,7 +167,7 @@ def _without_dead(program: Program) -> Program:
     """Without assignments of unused values."""
     while True:
         read = {e for body in (program.begin, program.step) for e in expressions(body) if isinstance(e, Var)}
-        slim = replace(program, begin=_kept(program.begin, read), step=_kept(program.step, read))
+        slim = replace(program, begin=_live_statements(program.begin, read), step=_live_statements(program.step, read))
         states = tuple(s for s in slim.states if Var(s, True) in read)
         slim = replace(slim, states=states)
         if slim == program:
@@ -175,19 +175,19 @@ def _without_dead(program: Program) -> Program:
         program = slim
 
 
-def renamed(body: Body, whole: Body) -> Body:
+def rename_variables(body: Body, whole: Body) -> Body:
     """Without plain copies: the source takes the name of the copy."""
     out = list(body)
     i = 0
     while i < len(out):
         s = out[i]
         if isinstance(s, If):
-            out[i] = replace(s, body=renamed(s.body, whole), orelse=renamed(s.orelse, whole))
+            out[i] = replace(s, body=rename_variables(s.body, whole), orelse=rename_variables(s.orelse, whole))
         elif isinstance(s, For):
-            out[i] = replace(s, body=renamed(s.body, whole))
+            out[i] = replace(s, body=rename_variables(s.body, whole))
         elif isinstance(s, Assign) and isinstance(s.value, Var) and _handed(s.target, s.value, out, i, whole):
             old, new = s.value, s.target
-            out[:i] = _named(tuple(out[:i]), old, new)
+            out[:i] = _name_value(tuple(out[:i]), old, new)
             del out[i]
             continue
         i += 1
@@ -208,34 +208,34 @@ def _uses(body: Body, v: Var) -> int:
     return set_ + sum(1 for e in expressions(body) if e == v)
 
 
-def _named(body: Body, old: Var, new: Var) -> Body:
+def _name_value(body: Body, old: Var, new: Var) -> Body:
     def f(e: Expr) -> Expr:
         return new if e == old else rebuilt(e, f)
 
     out: list[Stmt] = []
-    for s in mapped(body, f):
+    for s in map_expressions(body, f):
         if isinstance(s, Assign) and s.target == old:
             s = replace(s, target=new)
         elif isinstance(s, If):
-            s = replace(s, body=_named(s.body, old, new), orelse=_named(s.orelse, old, new))
+            s = replace(s, body=_name_value(s.body, old, new), orelse=_name_value(s.orelse, old, new))
         elif isinstance(s, For):
-            s = replace(s, body=_named(s.body, old, new))
+            s = replace(s, body=_name_value(s.body, old, new))
         out.append(s)
     return tuple(out)
 
 
-def _kept(body: Body, read: set[Var]) -> Body:
+def _live_statements(body: Body, read: set[Var]) -> Body:
     out: list[Stmt] = []
     for s in body:
         if isinstance(s, Assign):
             if s.target in read and s.value != s.target:
                 out.append(s)
         elif isinstance(s, If):
-            a, b = _kept(s.body, read), _kept(s.orelse, read)
+            a, b = _live_statements(s.body, read), _live_statements(s.orelse, read)
             if a or b:
-                out.append(If(s.test, a, b) if a else If(negated(s.test), b, ()))
+                out.append(If(s.test, a, b) if a else If(negate(s.test), b, ()))
         elif isinstance(s, For):
-            inner = _kept(s.body, read)
+            inner = _live_statements(s.body, read)
             if inner:
                 out.append(replace(s, body=inner))
         else:
@@ -246,7 +246,7 @@ def _kept(body: Body, read: set[Var]) -> Body:
 _FLIPPED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
 
 
-def negated(test: Expr) -> Expr:
+def negate(test: Expr) -> Expr:
     """The opposite of a test."""
     if isinstance(test, Op) and test.op == "not":
         return test.args[0]
@@ -259,7 +259,7 @@ def simple(e: Op) -> Expr:
     """An operation with simple arguments, evaluated or removed if its numbers allow it."""
     if all(isinstance(a, Num) for a in e.args):
         try:
-            return Num(computed(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
+            return Num(evaluate(e.op, *(a.value for a in e.args)))  # type: ignore[union-attr]
         except (ArithmeticError, ValueError):
             return e
     if e.op == "if":
@@ -308,7 +308,7 @@ def _against_infinity(e: Op, x: float | None, y: float | None) -> Expr:
     return e
 
 
-def computed(op: str, *v: float) -> float:
+def evaluate(op: str, *v: float) -> float:
     table: dict[str, Callable[..., float]] = {
         "+": lambda a, b: a + b,
         "-": lambda a, b: a - b,

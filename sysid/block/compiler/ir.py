@@ -128,16 +128,16 @@ def rebuilt(e: Expr, f: Callable[[Expr], Expr]) -> Expr:
     return replace(e, n=f(e.n)) if isinstance(e, Ago) else e
 
 
-def mapped(body: Body, f: Callable[[Expr], Expr]) -> Body:
+def map_expressions(body: Body, f: Callable[[Expr], Expr]) -> Body:
     """The statements with f applied to every expression that they read."""
     out: list[Stmt] = []
     for s in body:
         if isinstance(s, (Assign, Return)):
             out.append(replace(s, value=f(s.value)))
         elif isinstance(s, If):
-            out.append(If(f(s.test), mapped(s.body, f), mapped(s.orelse, f)))
+            out.append(If(f(s.test), map_expressions(s.body, f), map_expressions(s.orelse, f)))
         elif isinstance(s, For):
-            out.append(For(s.index, f(s.count), mapped(s.body, f)))
+            out.append(For(s.index, f(s.count), map_expressions(s.body, f)))
         else:
             out.append(s)
     return tuple(out)
@@ -154,7 +154,7 @@ def statements(body: Body) -> Iterator[Stmt]:
             yield from statements(s.body)
 
 
-def own(s: Stmt) -> tuple[Expr, ...]:
+def expressions_of(s: Stmt) -> tuple[Expr, ...]:
     """The expressions that a statement reads itself."""
     if isinstance(s, (Assign, Return)):
         return (s.value,)
@@ -166,7 +166,7 @@ def own(s: Stmt) -> tuple[Expr, ...]:
 def expressions(body: Body) -> Iterator[Expr]:
     """All expressions of all statements, with subexpressions."""
     for s in statements(body):
-        for e in own(s):
+        for e in expressions_of(s):
             yield from walk(e)
 
 

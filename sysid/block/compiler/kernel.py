@@ -13,7 +13,7 @@ from pathlib import Path
 from types import CodeType, ModuleType
 
 from sysid.base.locks import sweep_once, temporary_name
-from sysid.block.compiler.activity import delays, hoisted, memoryless
+from sysid.block.compiler.activity import delays, hoist_constants, memoryless
 from sysid.block.compiler.derive import show, variable
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 
@@ -49,8 +49,8 @@ def kernels(
     `key` changes with the step; `program` reads the step and is called only if the file is missing; `near` is the
     folder of the block's file. If no folder is writable, each process compiles the module again.
     """
-    own = hashlib.blake2b(f"{key} {sorted(absent.items())} {_version()}".encode(), digest_size=8).hexdigest()
-    stem = f"{re.sub(r'[^A-Za-z0-9]', '_', name)}_{own}"
+    digest = hashlib.blake2b(f"{key} {sorted(absent.items())} {_version()}".encode(), digest_size=8).hexdigest()
+    stem = f"{re.sub(r'[^A-Za-z0-9]', '_', name)}_{digest}"
     full = f"sysid_compiled_{stem}"
     if full in sys.modules:
         return sys.modules[full]
@@ -86,10 +86,10 @@ def _version() -> str:
 def _folders(near: Path | None) -> list[Path]:
     """Possible folders of kernels: beside the block's compiled module, then the user's cache."""
     home = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    found = [near / "__pycache__"] if near else []
+    folders = [near / "__pycache__"] if near else []
     with suppress(RuntimeError):  # a user without a home
-        found.append((Path(home) if home else Path.home() / ".cache") / "sysid" / "kernels")
-    return found
+        folders.append((Path(home) if home else Path.home() / ".cache") / "sysid" / "kernels")
+    return folders
 
 
 def _complete(path: Path) -> bool:
@@ -134,7 +134,7 @@ def _written(path: Path, text: Callable[[], str]) -> bool:
 
 def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     """Text of the module of a program."""
-    program = hoisted(program)
+    program = hoist_constants(program)
     head = _HEAD.format(
         name=name, params=program.params, rows=program.rows, consts=program.consts, memoryless=memoryless(program)
     )

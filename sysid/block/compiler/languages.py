@@ -20,7 +20,7 @@ from sysid.block.compiler.ir import (
     expressions,
     statements,
 )
-from sysid.block.compiler.text import Text, home, indented, locals_of, used, uses
+from sysid.block.compiler.text import Text, home, indent, locals_of, uses, variables_in
 from sysid.block.writing import Code
 
 
@@ -36,9 +36,9 @@ class _C(Text):
         return f"{test} ? {a} : {b}"
 
     def call(self, e: Op) -> str:
-        whole = e.op in ("min", "max", "abs") and self.integer(e)
-        args = [self.show(a, 0, whole) for a in e.args]
-        if whole and e.op in ("min", "max"):
+        integer = e.op in ("min", "max", "abs") and self.integer(e)
+        args = [self.show(a, 0, integer) for a in e.args]
+        if integer and e.op in ("min", "max"):
             return f"({args[1]} {'<' if e.op == 'min' else '>'} {args[0]} ? {args[1]} : {args[0]})"
         if e.op == "int":
             return f"(long long)({args[0]})"
@@ -56,7 +56,7 @@ class _C(Text):
         used = any(isinstance(e, Ago) for e in expressions(self.program.step)) or self.oldest or self.waits
         lines = [] if used else ["(void)x;"]
         if self.kept > self.flag:
-            lines += [f"if (s[{self.flag}] == 0.0) {{ /* the first sample */", *indented(self._first()), "}"]
+            lines += [f"if (s[{self.flag}] == 0.0) {{ /* the first sample */", *indent(self._first()), "}"]
         for name in self.program.states:
             const = "" if name in self.moved else "const "
             lines.append(f"{const}double {self.name(Var(name, True))} = s[{self.program.states.index(name)}];")
@@ -74,14 +74,14 @@ class _C(Text):
 
     def body(self, body: Body, variables: set[Var]) -> list[str]:
         """Statements, each variable declared in the innermost braces that hold all of its uses."""
-        here = {v for v in variables if home(body, v) is None}
-        open_, lines = set(here), []
+        scope = {v for v in variables if home(body, v) is None}
+        open_, lines = set(scope), []
         for s in body:
             for v in sorted(open_ & uses(s), key=lambda v: v.name):
                 if not (isinstance(s, Assign) and s.target == v):
                     lines.append(f"{self.kind(v)} {self.name(v)} = 0;")
                     open_.discard(v)
-            lines += self.statement(s, open_, {v for v in variables - here if v in uses(s)}, body)
+            lines += self.statement(s, open_, {v for v in variables - scope if v in uses(s)}, body)
             open_ -= uses(s)
         return lines
 
@@ -105,7 +105,7 @@ class _C(Text):
         if isinstance(s, For):
             i = self.name(Var(s.index))
             head = f"for (int {i} = 0; {i} < {self.show(s.count, 5, True)}; ++{i}) {{"
-            return [head, *indented(self.body(s.body, inner)), "}"]
+            return [head, *indent(self.body(s.body, inner)), "}"]
         if isinstance(s, Return):
             value, before = self.show(s.value), []
             if self._past(s.value):  # before the past moves on
@@ -114,21 +114,21 @@ class _C(Text):
         return ["break;"]
 
     def _if(self, s: If, inner: set[Var]) -> list[str]:
-        lines = [f"if ({self.show(s.test)}) {{", *indented(self.body(s.body, inner & used(s.body)))]
+        lines = [f"if ({self.show(s.test)}) {{", *indent(self.body(s.body, inner & variables_in(s.body)))]
         if self._chained(s, inner):
             (more,) = s.orelse
             assert isinstance(more, If)
             first, *others = self._if(more, inner)
             return [*lines, f"}} else {first}", *others]
         if s.orelse:
-            lines += ["} else {", *indented(self.body(s.orelse, inner & used(s.orelse)))]
+            lines += ["} else {", *indent(self.body(s.orelse, inner & variables_in(s.orelse)))]
         return [*lines, "}"]
 
     def _chained(self, s: If, inner: set[Var]) -> bool:
         """Whether all that stands behind else is one more if, without a variable of its own to declare before it."""
         if len(s.orelse) != 1 or not isinstance(s.orelse[0], If):
             return False
-        return all(home(s.orelse, v) is not None for v in inner & used(s.orelse))
+        return all(home(s.orelse, v) is not None for v in inner & variables_in(s.orelse))
 
     def end(self) -> list[str]:
         names = [n for n in self.program.states if n in self.moved]
@@ -151,8 +151,8 @@ class _Python(Text):
         return f"{a} if {test} else {b}"
 
     def call(self, e: Op) -> str:
-        whole = e.op in ("min", "max", "abs") and self.integer(e)
-        args = [self.show(a, 0, whole) for a in e.args]
+        integer = e.op in ("min", "max", "abs") and self.integer(e)
+        args = [self.show(a, 0, integer) for a in e.args]
         name = e.op if e.op in ("abs", "min", "max", "int") else f"math.{e.op}"
         if e.op == "exp":  # which raises beyond 709, where the kernels go on with infinity
             return f"math.exp(min({args[0]}, 700.0))"
@@ -166,7 +166,7 @@ class _Python(Text):
     def lines(self) -> list[str]:
         lines = []
         if self.kept > self.flag:
-            lines += [f"if not s[{self.flag}]:  # the first sample", *indented(self._first())]
+            lines += [f"if not s[{self.flag}]:  # the first sample", *indent(self._first())]
         names = [self.name(Var(n, True)) for n in self.program.states]
         if names:
             values = "s" if len(names) == self.kept else f"s[:{len(names)}]"
@@ -188,15 +188,15 @@ class _Python(Text):
         if isinstance(s, Assign):
             return [f"{self.name(s.target)} = {self.show(s.value, 0, s.target in self.whole)}"]
         if isinstance(s, If):
-            lines = [f"if {self.show(s.test)}:", *indented(self.body(s.body))]
+            lines = [f"if {self.show(s.test)}:", *indent(self.body(s.body))]
             while len(s.orelse) == 1 and isinstance(s.orelse[0], If):
                 s = s.orelse[0]
-                lines += [f"elif {self.show(s.test)}:", *indented(self.body(s.body))]
-            return [*lines, *(["else:", *indented(self.body(s.orelse))] if s.orelse else [])]
+                lines += [f"elif {self.show(s.test)}:", *indent(self.body(s.body))]
+            return [*lines, *(["else:", *indent(self.body(s.orelse))] if s.orelse else [])]
         if isinstance(s, For):
             return [
                 f"for {self.name(Var(s.index))} in range({self.show(s.count, 0, True)}):",
-                *indented(self.body(s.body)),
+                *indent(self.body(s.body)),
             ]
         if isinstance(s, Return):
             value, before = self.show(s.value), []

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import NoReturn
 
 from sysid.base.errors import InputError
-from sysid.block.compiler.fold import computed
+from sysid.block.compiler.fold import evaluate
 from sysid.block.compiler.ir import FUNCTIONS, Ago, Assign, Const, Expr, Num, Op, Param, Stmt, Var, statements, walk
 
 ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
@@ -70,7 +70,7 @@ class Phrases:
             left, right = self._expr(f, node.left, out), self._expr(f, node.right, out)
             if isinstance(node.op, ast.Pow) and right == Num(2) and not isinstance(left, Op):
                 return Op("*", (left, left))
-            return self._sized(f, node, Op(ARITHMETIC[type(node.op)], (left, right)))
+            return self._check_length(f, node, Op(ARITHMETIC[type(node.op)], (left, right)))
         if isinstance(node, ast.BoolOp):
             found = self._test(f, node, out)
             self.uses.append((f, node, "truth", found))
@@ -78,7 +78,7 @@ class Phrases:
         if isinstance(node, ast.Compare) and all(type(op) in _COMPARE for op in node.ops):
             sides = [self._expr(f, v, out) for v in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides, sides[1:], strict=False)
-            return folded("and", [Op(_COMPARE[type(op)], (a, b)) for op, a, b in pairs])
+            return fold_constants("and", [Op(_COMPARE[type(op)], (a, b)) for op, a, b in pairs])
         if isinstance(node, ast.IfExp):
             test = self._test(f, node.test, out)
             return Op("if", (test, *(self._expr(f, v, out) for v in (node.body, node.orelse))))
@@ -91,14 +91,14 @@ class Phrases:
         if not isinstance(node, ast.BoolOp):
             return self._expr(f, node, out)
         values = [self._test(f, v, out) for v in node.values]
-        return folded("and" if isinstance(node.op, ast.And) else "or", values)
+        return fold_constants("and" if isinstance(node.op, ast.And) else "or", values)
 
     def _number(self, f: Frame, node: ast.expr, value: float) -> Num:
         if isinstance(value, int) and abs(value) > LARGEST:
             self._refuse(f, node, f"whole numbers are at most 2**31 - 1; write a larger one with a point ({HINT})")
         return Num(value)
 
-    def _sized(self, f: Frame, node: ast.expr, e: Op) -> Expr:
+    def _check_length(self, f: Frame, node: ast.expr, e: Op) -> Expr:
         """The operation; one on whole constants must give a number of the allowed size."""
         v = [constant(a) for a in e.args]
         if (e.op == "/" and v[1] == 0) or (e.op == "**" and v[0] == 0 and v[1] is not None and v[1] < 0):
@@ -145,7 +145,7 @@ class Phrases:
         if name not in FUNCTIONS or node.keywords or not count[0] <= len(node.args) <= count[1]:
             self._refuse(f, node)
         values = [self._expr(f, a, out) for a in node.args]
-        return folded(name, values) if len(values) > 1 else Op(name, tuple(values))
+        return fold_constants(name, values) if len(values) > 1 else Op(name, tuple(values))
 
     def _name(self, f: Frame, node: ast.Name) -> Expr:
         value = f.values.get(node.id)
@@ -184,18 +184,18 @@ class Phrases:
         return Param(row, index)
 
     def _fresh(self, name: str) -> str:
-        k, found = 2, name
-        while found in self.taken:
-            found, k = f"{name}_{k}", k + 1
-        self.taken.add(found)
-        return found
+        k, fresh_name = 2, name
+        while fresh_name in self.taken:
+            fresh_name, k = f"{name}_{k}", k + 1
+        self.taken.add(fresh_name)
+        return fresh_name
 
     def _refuse(self, f: Frame, node: ast.AST, why: str = "") -> NoReturn:
         line = getattr(node, "lineno", f.first)
         shown = self.text.splitlines()[line - 1].strip()
         shown = shown if len(shown) <= 120 else f"{shown[:117]}..."
-        said = f"{why}; {_ALLOWED}" if why else _ALLOWED
-        raise InputError(f"line {line - f.first + 1} of {f.name}, `{shown}`: {said}")
+        reason = f"{why}; {_ALLOWED}" if why else _ALLOWED
+        raise InputError(f"line {line - f.first + 1} of {f.name}, `{shown}`: {reason}")
 
 
 def constant(e: Expr) -> float | None:
@@ -210,12 +210,12 @@ def constant(e: Expr) -> float | None:
     try:
         if e.op == "**":
             v = [float(each) for each in v]  # type: ignore[arg-type]
-        return computed(e.op, *v)  # type: ignore[arg-type]
+        return evaluate(e.op, *v)  # type: ignore[arg-type]
     except (ArithmeticError, ValueError):
         return None
 
 
-def folded(op: str, values: list[Expr]) -> Expr:
+def fold_constants(op: str, values: list[Expr]) -> Expr:
     out = values[0]
     for v in values[1:]:
         out = Op(op, (out, v))

@@ -31,14 +31,14 @@ _MAIN_NAMES = ("step", "begin", "value")
 
 def step_parts(functions: dict[str, Callable]) -> tuple[dict[str, FunctionType], dict[str, float]]:
     """All functions that these call, and all module-level numbers that they read, by name."""
-    found: dict[str, FunctionType] = {}
+    parts: dict[str, FunctionType] = {}
     numbers: dict[str, float] = {}
     waiting = list(functions.items())
     while waiting:
         name, f = waiting.pop()
         if not isinstance(f, FunctionType):
             raise InputError(f"{name} is a {type(f).__name__}; give a plain function, written with def")
-        found[name] = f
+        parts[name] = f
         for used in sorted({i.argval for i in dis.get_instructions(f) if i.opname == "LOAD_GLOBAL"}):
             value = f.__globals__.get(used)
             if used in _LANGUAGE_NAMES:
@@ -46,24 +46,24 @@ def step_parts(functions: dict[str, Callable]) -> tuple[dict[str, FunctionType],
             elif isinstance(value, FunctionType):
                 if used in _MAIN_NAMES and functions.get(used) is not value:
                     raise InputError(f"{name} calls a function {used}, a name kept for the block's own; rename it")
-                if used in numbers or found.get(used, value) is not value:
+                if used in numbers or parts.get(used, value) is not value:
                     raise _ambiguous_name(used)
-                if used not in found:
+                if used not in parts:
                     waiting.append((used, value))
             elif isinstance(value, (int, float)):
-                if used in found or repr(numbers.get(used, value)) != repr(value):
+                if used in parts or repr(numbers.get(used, value)) != repr(value):
                     raise _ambiguous_name(used)
                 numbers[used] = value
-    if clash := {*found} & {*numbers}:
+    if clash := {*parts} & {*numbers}:
         raise _ambiguous_name(min(clash))
-    return found, numbers
+    return parts, numbers
 
 
 def _check_language_name(name: str, used: str, value: object) -> None:
     """A function of the language must be the one that this name says."""
-    own = getattr(value, "__module__", "") == "sysid.block.step" and isinstance(value, FunctionType)
-    known = isinstance(value, (BuiltinFunctionType, np.ufunc)) and value.__name__ in (used, f"{used}olute")
-    if not (value is None or own or known):
+    is_ours = getattr(value, "__module__", "") == "sysid.block.step" and isinstance(value, FunctionType)
+    is_builtin = isinstance(value, (BuiltinFunctionType, np.ufunc)) and value.__name__ in (used, f"{used}olute")
+    if not (value is None or is_ours or is_builtin):
         raise InputError(f"{name} uses {used}, which is a name of the step's language; give yours another name")
 
 
@@ -85,9 +85,9 @@ def step_text(functions: dict[str, Callable]) -> str:
 
     Raises InputError if Python cannot find a source (typed at a prompt); give the text itself then.
     """
-    found, numbers = step_parts(functions)
+    parts, numbers = step_parts(functions)
     pieces = [f"{name} = {_number_text(name, value)}" for name, value in sorted(numbers.items())]
-    for name, f in found.items():
+    for name, f in parts.items():
         try:
             source = textwrap.dedent(inspect.getsource(f))
         except (OSError, TypeError):
@@ -102,10 +102,10 @@ def step_text(functions: dict[str, Callable]) -> str:
 
 def fingerprint(functions: dict[str, Callable]) -> str:
     """Changes whenever `text` changes; made from the compiled functions, so that no source is read."""
-    found, numbers = step_parts(functions)
+    parts, numbers = step_parts(functions)
     codes = [
         (name, f.__code__.co_code, repr(f.__code__.co_consts), f.__code__.co_names, f.__code__.co_varnames)
-        for name, f in sorted(found.items())
+        for name, f in sorted(parts.items())
     ]
     return hashlib.blake2b(repr((codes, sorted(numbers.items()))).encode(), digest_size=12).hexdigest()
 
@@ -148,14 +148,14 @@ class Written(Block):
         """Changes with the functions."""
         return fingerprint(dict(self.functions))
 
-    def _near(self) -> Path | None:
+    def _folder(self) -> Path | None:
         """The folder beside which compiled kernels may lie."""
         return Path(inspect.getfile(type(self))).parent
 
     @cached_property
-    def _compiled(self) -> tuple[Any, tuple]:
+    def _kernels(self) -> tuple[Any, tuple]:
         """The kernels, and their arguments for this block's structure."""
-        module = kernels(type(self).__name__, self._key(), self.program, self.absent, self._near())
+        module = kernels(type(self).__name__, self._key(), self.program, self.absent, self._folder())
         names = [slot.name for slot in self.slots()]
         column = np.array([names.index(p) if p in names else -1 for p in module.PARAMETERS], dtype=np.int64)
         rows = {r: _row(names, r) for r in module.ROWS}
@@ -171,17 +171,17 @@ class Written(Block):
 
     def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
         """Parameters of the functions by name, and their rows; by default those of the slots."""
-        own = self.by_name(theta)
-        rows = {r: np.array([own[name] for name in _row(list(own), r)]) for r in self.program().rows}
-        return {**self.absent, **own}, rows
+        values = self.by_name(theta)
+        rows = {r: np.array([values[name] for name in _row(list(values), r)]) for r in self.program().rows}
+        return {**self.absent, **values}, rows
 
     def _numbers(self, theta: np.ndarray) -> tuple["Program", dict[str, np.ndarray]]:
         """The program with theta and this structure inserted, and its rows of parameters."""
-        from sysid.block.compiler.fold import specialised
+        from sysid.block.compiler.fold import specialise
 
-        program, (own, rows) = self.program(), self.numbers(theta)
+        program, (values, rows) = self.program(), self.numbers(theta)
         structure = {name: getattr(self, name) for name in program.consts}
-        return specialised(program, own, rows, structure), rows
+        return specialise(program, values, rows, structure), rows
 
 
 class Recursion(Written):
@@ -195,7 +195,7 @@ class Recursion(Written):
         y = np.empty_like(x)
         if not len(x):
             return y
-        module, arguments = self._compiled
+        module, arguments = self._kernels
         if J.shape[1] and module.MEMORYLESS:
             from sysid.block.kernels import scale_columns
 
@@ -216,7 +216,7 @@ class Map(Written, StaticBlock):
         y = np.empty_like(x)
         if not len(x):
             return y, y
-        module, arguments = self._compiled
+        module, arguments = self._kernels
         if not J.shape[1]:
             module.value(theta, *arguments, x, y)
             return y, y  # without tangents nobody asks for the slope
@@ -228,8 +228,8 @@ class Map(Written, StaticBlock):
 def _row(names: list[str], row: str) -> list[str]:
     """Names of the parameters of a row: its own with 0, 1, 2 ... or with 1, 2, 3 ... behind it."""
     k = 0 if f"{row}0" in names else 1
-    found = []
+    numbers = []
     while f"{row}{k}" in names:
-        found.append(f"{row}{k}")
+        numbers.append(f"{row}{k}")
         k += 1
-    return found
+    return numbers

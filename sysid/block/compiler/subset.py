@@ -106,12 +106,12 @@ class _Reader(Phrases):
 
     def _of(self, begin: Body, step: Body) -> Program:
         self._check_uses((*begin, *step))
-        found = [*expressions(begin), *expressions(step)]
-        params = {e.name for e in found if isinstance(e, Param) and e.index is None}
-        rows = {e.name for e in found if isinstance(e, Param) and e.index is not None}
+        all_expressions = [*expressions(begin), *expressions(step)]
+        params = {e.name for e in all_expressions if isinstance(e, Param) and e.index is None}
+        rows = {e.name for e in all_expressions if isinstance(e, Param) and e.index is not None}
         if params & rows:
             raise InputError(f"{', '.join(sorted(params & rows))} is used with and without an index; use two names")
-        consts = {e.name for e in found if isinstance(e, Const)}
+        consts = {e.name for e in all_expressions if isinstance(e, Const)}
         names = (tuple(sorted(n)) for n in (params, rows, consts))
         return Program(tuple(self.states), next(names), next(names), next(names), begin, step)
 
@@ -120,8 +120,10 @@ class _Reader(Phrases):
         names = self._arguments(node)
         wanted = ("x", "p") if name == "value" else ("s", "x", "p")
         if not len(wanted) <= len(names) <= len(wanted) + 1:
-            given = ", ".join(wanted)
-            raise InputError(f"{name} takes {len(names)} argument(s); give {name}({given}) or {name}({given}, block)")
+            arguments = ", ".join(wanted)
+            raise InputError(
+                f"{name} takes {len(names)} argument(s); give {name}({arguments}) or {name}({arguments}, block)"
+            )
         if name == "value":  # a map has no states
             names = ["", *names]
         kinds = {names[0]: "state", names[2]: "params", **dict.fromkeys(names[3:], "block")}
@@ -164,13 +166,13 @@ class _Reader(Phrases):
                 self._refuse(f, node, f"the step has over {LONGEST} statements with its helpers put in; shorten it")
             if isinstance(node, ast.If) and _has(node, ast.Return):  # what follows belongs into the branches
                 self._no_loop(f, node)
-                before: list[Stmt] = []
-                test = self._test(f, node.test, before)
+                preceding: list[Stmt] = []
+                test = self._test(f, node.test, preceding)
                 branches = [
                     self._block(f, branch if _always(branch) else [*branch, *rest])
                     for branch in (node.body, node.orelse)
                 ]
-                return (*out, *before, If(test, *branches))
+                return (*out, *preceding, If(test, *branches))
             self._statement(f, node, out)
             if isinstance(node, (ast.Return, ast.Break)):
                 if rest:
@@ -186,8 +188,8 @@ class _Reader(Phrases):
         if isinstance(node, ast.Assign) and len(node.targets) == 1:
             self._assign(f, node.targets[0], node.value, out)
         elif isinstance(node, ast.AugAssign) and type(node.op) in ARITHMETIC:
-            left = ast.copy_location(_loaded(node.target), node)
-            self._assign(f, node.target, ast.copy_location(ast.BinOp(left, node.op, node.value), node), out)
+            target = ast.copy_location(_load_target(node.target), node)
+            self._assign(f, node.target, ast.copy_location(ast.BinOp(target, node.op, node.value), node), out)
         elif isinstance(node, ast.If):
             test = self._test(f, node.test, out)
             branches = self._block(f, node.body), self._block(f, node.orelse)
@@ -215,13 +217,13 @@ class _Reader(Phrases):
         values = list(value.elts) if isinstance(value, ast.Tuple) else [value]
         if len(values) != len(names):
             self._refuse(f, target, f"{len(names)} names for {len(values)} values")
-        found = [self._expr(f, v, out) for v in values]
-        read = {e for v in found[1:] for e in variables(v)}
+        expressions_read = [self._expr(f, v, out) for v in values]
+        read = {e for v in expressions_read[1:] for e in variables(v)}
         if read & set(names[:-1]):  # as Python has it: all values first
             temporary = [Var(self._fresh(n.name)) for n in names]
-            out.extend(Assign(t, v) for t, v in zip(temporary, found, strict=True))
-            found = list(temporary)
-        out.extend(Assign(n, v) for n, v in zip(names, found, strict=True))
+            out.extend(Assign(t, v) for t, v in zip(temporary, expressions_read, strict=True))
+            expressions_read = list(temporary)
+        out.extend(Assign(n, v) for n, v in zip(names, expressions_read, strict=True))
 
     def _target(self, f: Frame, node: ast.expr) -> Var:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
@@ -256,13 +258,13 @@ class _Reader(Phrases):
         if name in f.kinds or name == f.input or (name in f.indices and name != "_"):
             self._refuse(f, node, f"{name} is an argument or counts a loop around this one; rename it")
         index = self._fresh("k" if name == "_" else name)
-        around, f.indices = f.indices, (*f.indices, name)
+        outer_indices, f.indices = f.indices, (*f.indices, name)
         f.values.pop(name, None)
         f.locals[name] = index
         f.looping += 1
         body = self._block(f, node.body)
         f.looping -= 1
-        f.indices = around
+        f.indices = outer_indices
         f.locals.pop(name, None)  # its last value is gone
         if body:
             out.append(For(index, count, body))
@@ -281,8 +283,8 @@ class _Reader(Phrases):
             return
         if len(values) != len(f.results):
             self._refuse(f, node, f"{f.name} returns {len(values)} value(s) where {len(f.results)} are needed")
-        found = [self._alone(f, values[0], out)] if len(values) == 1 else [self._expr(f, v, out) for v in values]
-        out.extend(Assign(r, v) for r, v in zip(f.results, found, strict=True))
+        results = [self._alone(f, values[0], out)] if len(values) == 1 else [self._expr(f, v, out) for v in values]
+        out.extend(Assign(r, v) for r, v in zip(f.results, results, strict=True))
 
     def _alone(self, f: Frame, node: ast.expr, out: list[Stmt]) -> Expr:
         """The one value of a statement; a helper that sets states may give it."""
@@ -350,7 +352,7 @@ class _Reader(Phrases):
                 self._refuse(f, inner, "a return does not stand in a loop; leave the loop with break first")
 
 
-def _loaded(node: ast.expr) -> ast.expr:
+def _load_target(node: ast.expr) -> ast.expr:
     """The target of += as a value."""
     if isinstance(node, ast.Name):
         return ast.copy_location(ast.Name(node.id, ast.Load()), node)

@@ -22,27 +22,27 @@ class Columns(Derivatives):
 
     def commit(self, env: dict[Var, Map], live: frozenset[Var], y: Map | None = None) -> None:
         """Update the vectors of the live variables."""
-        moved: list[tuple[str, Key, Map]] = [
+        updates: list[tuple[str, Key, Map]] = [
             (self._place(v), ("v", variable(v)), m) for v, m in env.items() if v in live
         ]
-        moved += [("J[t, {}]", ("y",), y)] if y is not None else []
-        wide = self.narrow or any(k[0] in "xr" for _, _, m in moved for k in m)
+        updates += [("J[t, {}]", ("y",), y)] if y is not None else []
+        wide = self.narrow or any(k[0] in "xr" for _, _, m in updates for k in m)
         bare: set[str] = set()  # nothing but own columns
         spans = [("q, n", "v")] if self.memoryless else [("q", "vxr"), ("q, n", "v")] if wide else [("n", "v")]
-        slopes = self._slopes_of(moved) if self.memoryless else []
+        slopes = self._slopes_of(updates) if self.memoryless else []
         for span, kinds in spans:
             rows = []
-            for place, own, m in moved:
-                kept = {k: c for k, c in m.items() if k[0] in kinds}
-                if not kept and span == "q, n" and self.narrow:
+            for place, key, m in updates:
+                terms = {k: c for k, c in m.items() if k[0] in kinds}
+                if not terms and span == "q, n" and self.narrow:
                     bare.add(place)
-                elif kept != {own: 1.0}:
-                    rows.append((place.format("c"), self._row(kept)))
+                elif terms != {key: 1.0}:
+                    rows.append((place.format("c"), self._row(terms)))
             if rows:
                 self.emit(f"for c in range({span}):")
                 self.inside(lambda rows=rows: self._columns(rows))
         self._columns(slopes)
-        for place, _, m in moved:
+        for place, _, m in updates:
             if place in bare:
                 for p in self.program.params:
                     self.emit(f"{place.format(f'c_{p}')} = {m.get(('p', p), 0.0)}")
@@ -52,11 +52,11 @@ class Columns(Derivatives):
     def _slopes_of(self, moved: list[tuple[str, Key, Map]]) -> list[tuple[str, str]]:
         """d/dx of the live variables (a number without states) from d/dx at the start of the segment."""
         rows = []
-        for _, own, m in moved:
+        for _, key, m in moved:
             kept = {k: c for k, c in m.items() if k[0] in "vx"}
-            if kept != {own: 1.0}:
+            if kept != {key: 1.0}:
                 terms = [product(c, self._slope(k)) for k, c in kept.items()]
-                rows.append((str(self._slope(own)), " + ".join(terms) or "0.0"))
+                rows.append((str(self._slope(key)), " + ".join(terms) or "0.0"))
         return rows
 
     def _slope(self, key: Key) -> Coefficient:
@@ -115,10 +115,10 @@ class Writer(Columns):
             if j > i:
                 self.run(body[i:j], {}, alive(body[j:], out, left, self.states, self.found), left)
             if j < len(body):
-                self._nested(body[j], alive(body[j + 1 :], out, left, self.states, self.found), left)
+                self._nested_loop(body[j], alive(body[j + 1 :], out, left, self.states, self.found), left)
             i = j + 1
 
-    def _nested(self, s: Stmt, out: frozenset[Var], left: frozenset[Var]) -> None:
+    def _nested_loop(self, s: Stmt, out: frozenset[Var], left: frozenset[Var]) -> None:
         if isinstance(s, For):
             self.emit(f"for v_{s.index} in range({show(s.count)}):")
             self.inside(lambda: self.block(s.body, head(s, out, self.states, self.found), out))

@@ -23,7 +23,7 @@ from sysid.block.compiler.ir import (
     Stmt,
     Var,
     expressions,
-    own,
+    expressions_of,
     statements,
     walk,
 )
@@ -145,14 +145,14 @@ class Text:
         locals_ = {Var(s.index) for b in bodies for s in statements(b) if isinstance(s, For)}
         locals_ |= {v for b in bodies for s in statements(b) for v in uses(s) if not v.state}
         every = [*states, *sorted(locals_, key=lambda v: v.name)]
-        wanted, taken, found = {v.name for v in every}, {*_TAKEN, *(self.table(r) for r in self.rows)}, {}
+        wanted, reserved, names = {v.name for v in every}, {*_TAKEN, *(self.table(r) for r in self.rows)}, {}
         for v in every:
             name = v.name
-            while name in taken or (name != v.name and name in wanted):
+            while name in reserved or (name != v.name and name in wanted):
                 name += "_"
-            found[v] = name
-            taken.add(name)
-        return found
+            names[v] = name
+            reserved.add(name)
+        return names
 
     def table(self, row: str) -> str:
         """The name of a row's table: in capitals, unless another row has these."""
@@ -233,9 +233,9 @@ class Text:
         """Text of an operation and how tightly it binds (10: not at all loose)."""
         rank = _RANK.get(e.op, 10)
         if e.op in ("+", "-", "*", "/") or e.op in COMPARISONS:
-            whole = e.op != "/" and all(self.integer(a) for a in e.args)
+            integer = e.op != "/" and all(self.integer(a) for a in e.args)
             up = 1 if e.op in COMPARISONS else 0
-            left, right = self.show(e.args[0], rank + up, whole), self.show(e.args[1], rank + 1, whole)
+            left, right = self.show(e.args[0], rank + up, integer), self.show(e.args[1], rank + 1, integer)
             return f"{left} {e.op} {right}", rank
         if e.op in ("and", "or"):
             sides = [self.show(a, 10 if isinstance(a, Op) and {a.op, e.op} == {"and", "or"} else rank) for a in e.args]
@@ -252,8 +252,8 @@ class Text:
             below = Op("+", (Num(1.0), Op("exp", (Op("neg", e.args),))))
             return self.operation(Op("/", (Num(1.0), below)))
         if e.op == "if":
-            whole = self.integer(e)
-            a, b = (self.show(v, 1, whole) for v in e.args[1:])
+            integer = self.integer(e)
+            a, b = (self.show(v, 1, integer) for v in e.args[1:])
             return self.choice(self.show(e.args[0], 1), a, b), 0
         return self.call(e), 10
 
@@ -282,7 +282,7 @@ class Text:
         raise NotImplementedError
 
 
-def indented(lines: list[str]) -> list[str]:
+def indent(lines: list[str]) -> list[str]:
     return [f"    {line}" for line in lines]
 
 
@@ -292,11 +292,11 @@ def locals_of(body: Body) -> set[Var]:
 
 def uses(s: Stmt) -> set[Var]:
     """Variables that a statement reads or sets, nested ones included."""
-    found = {v for each in statements((s,)) for e in own(each) for v in walk(e) if isinstance(v, Var)}
-    return found | {each.target for each in statements((s,)) if isinstance(each, Assign)}
+    variables = {v for each in statements((s,)) for e in expressions_of(each) for v in walk(e) if isinstance(v, Var)}
+    return variables | {each.target for each in statements((s,)) if isinstance(each, Assign)}
 
 
-def used(body: Body) -> set[Var]:
+def variables_in(body: Body) -> set[Var]:
     return {v for s in body for v in uses(s)}
 
 
@@ -306,12 +306,12 @@ def home(body: Body, v: Var) -> Body | None:
     if len(holders) != 1 or isinstance(holders[0], (Assign, Return)):
         return None
     s = holders[0]
-    if any(v in walk(e) for e in own(s)):
+    if any(v in walk(e) for e in expressions_of(s)):
         return None
     inner = [
         b
         for b in ((s.body, s.orelse) if isinstance(s, If) else (s.body,) if isinstance(s, For) else ())
-        if v in used(b)
+        if v in variables_in(b)
     ]
     return inner[0] if len(inner) == 1 else None
 
@@ -333,9 +333,11 @@ def is_whole(e: Expr, known: set[Var]) -> bool:
 def wholes(body: Body) -> set[Var]:
     """Local variables that only ever hold whole numbers."""
     indices = {Var(s.index) for s in statements(body) if isinstance(s, For)}
-    known = locals_of(body)
+    integers = locals_of(body)
     while True:
-        less = {s.target for s in statements(body) if isinstance(s, Assign) and not is_whole(s.value, known | indices)}
-        if not known & less:
-            return known
-        known -= less
+        less = {
+            s.target for s in statements(body) if isinstance(s, Assign) and not is_whole(s.value, integers | indices)
+        }
+        if not integers & less:
+            return integers
+        integers -= less
