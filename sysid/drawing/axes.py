@@ -157,6 +157,7 @@ def _points(ax: Axes, item: Points) -> None:
 
 
 def _region(ax: Axes, item: Region) -> None:
+    """An ellipse, or a thick bar on the real axis."""
     from matplotlib.patches import Ellipse
 
     if item.b == 0.0:

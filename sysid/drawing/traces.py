@@ -126,6 +126,7 @@ def _band(item: Band) -> Trace:
 
 
 def _points(item: Points, panel: Panel) -> Trace:
+    """Marks, with their texts or their values in the hover."""
     small = item.mark == "dot"
     line = {"width": 0 if small else 2, "color": item.colour}
     trace = {
@@ -201,6 +202,7 @@ def _histogram(item: Histogram) -> Trace:
 
 
 def _ranges(item: Ranges, panel: Panel) -> Trace:
+    """Points with error bars, or open points, over places of names."""
     sure = item.low is not None and item.high is not None
     trace: Trace = {
         "type": "scatter",

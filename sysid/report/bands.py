@@ -38,13 +38,13 @@ def bands(evaluation: Evaluation) -> Bands:
     """The bands of an evaluation."""
     if _last and _last[0][0]() is evaluation:
         return _last[0][1]
-    found = _found(evaluation)
-    _last[:] = [(ref(evaluation), found)]
-    return found
+    _last[:] = [(ref(evaluation), _compute_bands(evaluation))]
+    return _last[0][1]
 
 
-def _found(e: Evaluation) -> Bands:
-    maps = tuple(_bare(e, role) for role in e.maps)
+def _compute_bands(e: Evaluation) -> Bands:
+    """The bands, from the information of the record where it has any."""
+    maps = tuple(_curve_without_band(e, role) for role in e.maps)
     step = None if e.step is None else Band.bare(e.step.x, e.step.y)
     info = _information(e)
     if info is None:
@@ -78,7 +78,7 @@ def _information(e: Evaluation) -> Information | None:
         return None
 
 
-def _bare(e: Evaluation, role: str) -> Curve:
+def _curve_without_band(e: Evaluation, role: str) -> Curve:
     u, y = e.estimation.u_unit, e.estimation.y_unit
     x_unit = u if role in SEES_INPUT else y if role == "sensor" else ""
     y_unit = y if role in GIVES_OUTPUT else u if role == "driver" else ""

@@ -144,6 +144,7 @@ def scenario_pages(board: Board, pictures: dict[str, Picture]) -> list[tuple[str
 def _scenario(
     scenario: str, methods: pl.DataFrame, worst: pl.DataFrame | None, bar: str, picture: Picture | None
 ) -> Page:
+    """The page of one scenario."""
     sections = [Section("Methods", tables=[_grid(methods, presentation.METHODS)])]
     if picture is not None:
         sections.append(Section("The worst seed drawn", pictures=[picture]))
@@ -218,6 +219,7 @@ def _figures(board: Board) -> list[str]:
 
 
 def _families(board: Board) -> Section:
+    """The leaderboard of each family, with what it says in words."""
     parts = board.board.partition_by("family", as_dict=True, maintain_order=True)
     grids = [
         _grid(part, presentation.LEADERBOARD, caption=f"{family}. Click a heading to sort.", bar=True)
@@ -242,6 +244,7 @@ def _intervals(board: Board, figures: Sequence[str]) -> Section:
 
 
 def _failures(board: Board) -> Section:
+    """The most frequent reasons why a row has no usable result."""
     failures = board.rows.filter(~pl.col("ok"))
     reason = pl.when(pl.col("status") == "ok").then(pl.lit("the free run diverged")).otherwise("status").alias("why")
     counts = (

@@ -121,6 +121,7 @@ def cell_figure(cell: Redrawn) -> Figure:
 def _profiles(
     rows: pl.DataFrame, ours: Collection[str], shares: Callable[[pl.DataFrame], pl.DataFrame], title: str
 ) -> Plotly:
+    """Curves of the `shares` of tasks of each method, all families and each alone."""
     families, names = sorted(rows["family"].unique()), _names(rows)
     parts = {ALL: rows, **{family: rows.filter(pl.col("family") == family) for family in families}}
     traces, groups = list[Plotly](), list[str]()

@@ -136,6 +136,7 @@ def _search_result(selection: Selection) -> str:
 
 
 def _search(result: Identification) -> list[Section]:
+    """What a structure search tried and chose; nothing without a search."""
     if result.selection is None:
         return []
     method = (
@@ -173,6 +174,7 @@ def _column(name: str) -> str:
 
 
 def _verdict(result: Identification) -> list[str]:
+    """The first sentences of the page."""
     e = result.evaluation
     selection = [] if result.selection is None else [_search_result(result.selection)]
     notes = [f"Note: {note}." for note in e.notes]
@@ -190,6 +192,7 @@ def _verdict(result: Identification) -> list[str]:
 
 
 def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
+    """The record, what was read and removed, and its figure."""
     u, y = figures.signals(e)
     removed_in_words = plan.in_words()
     removal = (
@@ -220,6 +223,7 @@ def _output(e: Evaluation) -> Section:
 
 
 def _model(result: Identification) -> Section:
+    """Values, poles, criteria and figures of the model."""
     e = result.evaluation
     narrow = verdict.too_narrow(e)
     return Section(

@@ -99,6 +99,7 @@ def run_tables(result: ModelRun) -> list[Grid]:
 
 
 def _prediction_method(result: ModelRun) -> str:
+    """How the model predicts, in words."""
     from sysid.estimation.result import Fit
 
     assert result.ahead is not None

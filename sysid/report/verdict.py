@@ -103,6 +103,7 @@ def exit_sentence(e: Evaluation) -> str:
 
 
 def _what_to_do(result: Identification, why: bool = True) -> str:
+    """The reason, if `why`, and the next command or advice."""
     if result.next is not None:
         reason = f"Why: {result.next.why}. " if why else ""
         return f"{reason}What to do, try: {result.next.command}"
