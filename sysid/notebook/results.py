@@ -41,9 +41,9 @@ class IODataView:
     @staticmethod
     def line(data: IOData) -> str:
         """Size, rate and channels."""
-        several = f" in {len(data.lengths)} experiments" if len(data.lengths) > 1 else ""
+        spread = f" in {len(data.lengths)} experiments" if len(data.lengths) > 1 else ""
         return (
-            f"<IOData: {data.N} samples{several} every {data.Ts:g} s, {_channels(data, 'u')} to {_channels(data, 'y')}>"
+            f"<IOData: {data.N} samples{spread} every {data.Ts:g} s, {_channels(data, 'u')} to {_channels(data, 'y')}>"
         )
 
     @staticmethod
@@ -55,19 +55,19 @@ class IODataView:
         if len(data.lengths) > 1:
             shown_lengths = ", ".join(map(str, data.lengths[:8])) + (", ..." if len(data.lengths) > 8 else "")
             facts.append(("experiments", f"{len(data.lengths)}, of {shown_lengths} samples"))
-        lost = int((~data.observed).sum())
-        if lost:
-            facts.append(("missing", f"{lost} output samples, {100 * lost / data.y.size:.2g} %"))
+        missing = int((~data.observed).sum())
+        if missing:
+            facts.append(("missing", f"{missing} output samples, {100 * missing / data.y.size:.2g} %"))
         rows: list[tuple[str, ...]] = []
-        for which, values, offsets in (("u", data.u, data.u_offset), ("y", data.y, data.y_offset)):
-            name, unit = (data.u_name, data.u_unit) if which == "u" else (data.y_name, data.y_unit)
+        for side, values, offsets in (("u", data.u, data.u_offset), ("y", data.y, data.y_offset)):
+            name, unit = (data.u_name, data.u_unit) if side == "u" else (data.y_name, data.y_unit)
             for k in range(values.shape[1]):
-                q, own = display_quantity(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
+                q, channel_name = display_quantity(name, unit), name if values.shape[1] == 1 else f"{name}{k + 1}"
                 x = values[:, k] * q.factor
                 size = float(np.abs(x).max())
-                found = (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor)
-                cells = (number(float(v) if abs(v) > _NOTHING * size else 0.0) for v in found)
-                rows.append((own, "input" if which == "u" else "output", q.unit or "–", *cells))
+                result = (x.min(), x.max(), x.mean(), x.std(), offsets[k] * q.factor)
+                cells = (number(float(v) if abs(v) > _NOTHING * size else 0.0) for v in result)
+                rows.append((channel_name, "input" if side == "u" else "output", q.unit or "–", *cells))
         headings: tuple[str, ...] = ("channel", "", "unit", "least", "largest", "mean", "std", "removed")
         if not np.any(data.u_offset) and not np.any(data.y_offset):
             headings, rows = headings[:-1], [row[:-1] for row in rows]
@@ -82,9 +82,9 @@ class IODataView:
         return figure(record, data, say=say)
 
 
-def _channels(data: IOData, which: str) -> str:
+def _channels(data: IOData, side: str) -> str:
     name, unit, n = (data.u_name, data.u_unit, data.u.shape[1])
-    if which == "y":
+    if side == "y":
         name, unit, n = (data.y_name, data.y_unit, data.y.shape[1])
     return f"{f'{n} x ' if n > 1 else ''}{name}{f' [{unit}]' if unit else ''}"
 
@@ -118,8 +118,8 @@ class GrowthView:
         table = Table(("round", "part", "BIC", "fall", ""), rows, "Parts tried", text_columns=2)
         sentences = [growth.sentence(), *(f"Warning: {text}." for text in growth.warnings[:3])]
         calls = "growth.plot(), growth.fit, sysid.joint_values(growth.fit)"
-        folded = [parameter_table(fit)]
-        return Card("Actuated joint", facts, [table] if rows else [], sentences, folded, call=f"Next: {calls}")
+        details = [parameter_table(fit)]
+        return Card("Actuated joint", facts, [table] if rows else [], sentences, details, call=f"Next: {calls}")
 
     @staticmethod
     def plot(growth: Growth) -> Figure:
@@ -133,27 +133,27 @@ class SelectionView:
     """A structure search."""
 
     @staticmethod
-    def line(found: Selection) -> str:
+    def line(result: Selection) -> str:
         """The chosen candidate."""
-        row = found.chosen
+        row = result.chosen
         fit = percent(row.fit_percent)
-        return f"<Selection: {row.candidate}, {fit} on unseen data, d {row.d}; {len(found.rows)} candidates>"
+        return f"<Selection: {row.candidate}, {fit} on unseen data, d {row.d}; {len(result.rows)} candidates>"
 
     @staticmethod
-    def card(found: Selection) -> Card:
+    def card(result: Selection) -> Card:
         """The best candidates on one screen."""
         rows = []
-        for k, row in enumerate(found.rows, 1):
+        for k, row in enumerate(result.rows, 1):
             c = row.candidate
             maps = " / ".join(name.replace("_", " ") for name in c.maps.values()) or "–"
-            mark = "chosen" if c == found.chosen.candidate else "equal" if row.equal else row.why.partition(";")[0]
+            mark = "chosen" if c == result.chosen.candidate else "equal" if row.equal else row.why.partition(";")[0]
             rows.append((str(k), c.short, maps, mark, percent(row.fit_percent), str(row.d)))
         table = Table(("", "structure", "maps", "", "fit on unseen data", "d"), rows, "", text_columns=4, most=ROWS)
-        notes = [f"{note[0].upper()}{note[1:]}." for note in found.notes]
-        facts = [("search", f"{found.seconds:.0f} s, {len(found.rows)} candidates")]
-        folded = [Table(table.headings, rows, f"All {len(rows)} candidates", text_columns=4)]
+        notes = [f"{note[0].upper()}{note[1:]}." for note in result.notes]
+        facts = [("search", f"{result.seconds:.0f} s, {len(result.rows)} candidates")]
+        details = [Table(table.headings, rows, f"All {len(rows)} candidates", text_columns=4)]
         calls = "selection.fit, selection.fit.plot(), selection.rows"
-        return Card("Structure search", facts, [table], [found.sentence(), *notes], folded, call=f"Next: {calls}")
+        return Card("Structure search", facts, [table], [result.sentence(), *notes], details, call=f"Next: {calls}")
 
 
 class ComparisonView:
@@ -214,7 +214,7 @@ class ResidualTestsView:
     @staticmethod
     def card(tests: ResidualTests) -> Card:
         """The verdicts, what they rest on, and what they mean."""
-        n, both, level = len(tests.lags) - 1, len(tests.cross_lags), f"{100 * tests.level:.3g} %"
+        n, lags, level = len(tests.lags) - 1, len(tests.cross_lags), f"{100 * tests.level:.3g} %"
         rows = [
             (
                 "residuals with themselves",
@@ -225,7 +225,7 @@ class ResidualTestsView:
             (
                 "residuals with the input",
                 _independent(tests),
-                f"{tests.independence_outside} of {both}",
+                f"{tests.independence_outside} of {lags}",
                 _bound_text(tests.independence_bound),
             ),
         ]
@@ -266,15 +266,15 @@ class ModesView:
     """The modes of a fit."""
 
     @staticmethod
-    def line(found: Modes) -> str:
+    def line(result: Modes) -> str:
         """The poles, each pair once."""
-        few = ", ".join(pole(m.pole) for m in found[:6] if m.pole.imag > -1e-9)
-        return f"<Modes: {len(found)} poles{f', {few}' if few else ''}{', ...' if len(found) > 6 else ''}>"
+        start = ", ".join(pole(m.pole) for m in result[:6] if m.pole.imag > -1e-9)
+        return f"<Modes: {len(result)} poles{f', {start}' if start else ''}{', ...' if len(result) > 6 else ''}>"
 
     @staticmethod
-    def card(found: Modes) -> Card:
+    def card(result: Modes) -> Card:
         """The table of poles, and how to have their numbers."""
-        table = pole_table(found)
+        table = pole_table(result)
         call = "Next: modes[0].hertz, modes[0].damping, modes[0].time_constant, each with its _std"
         if table is None:
             return Card("Modes", sentences=["The model has no linear block, so it has no poles."])
