@@ -157,6 +157,7 @@ def test_a_message_says_what_is_wrong(page, place):
     idle(page)
 
 
+@pytest.mark.nightly
 def test_a_million_samples_are_drawn_and_the_page_answers_meanwhile(page, place):
     """Measured: seconds until the signals stand, and the longest that a tick of a box took meanwhile."""
     log = write_log(place / "million.csv", N=1_000_000, Ts=0.01)

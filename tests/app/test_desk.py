@@ -330,6 +330,7 @@ def test_an_error_that_nobody_foresaw_is_named_without_advice_that_does_not_help
     desk.jobs.forget(job)
 
 
+@pytest.mark.nightly
 def test_a_joint_is_fitted_to_the_log_that_the_page_makes_and_all_its_files_come(tmp_path):
     """The joint meets one end of its way in this log, so only one stop is known."""
     own = Desk(Session.open(tmp_path / "session"), Jobs(1))

@@ -139,6 +139,7 @@ def test_both_structures_see_the_same_records_and_the_joint_is_far_ahead_where_n
     assert sweep.near
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("joint", twin.JOINTS)
 def test_the_record_that_does_not_repeat_meets_both_ends(joint):
     log = beyond.irregular(joint, 0, 250.0, 0.1)
@@ -183,6 +184,7 @@ def test_the_tables_show_the_papers_row_both_structures_and_every_value(shoulder
     assert report.ablation_section(shoulder) is None
 
 
+@pytest.mark.nightly
 def test_without_its_end_stops_or_its_friction_a_joint_is_lost_and_without_what_is_not_there_it_loses_nothing(shoulder):
     sweep, drawn = shoulder.joints[0].beyond.trials
     rows = {row.part: row for row in ablation.without_parts(drawn)}
@@ -198,6 +200,7 @@ def test_without_its_end_stops_or_its_friction_a_joint_is_lost_and_without_what_
     assert ablation.experiment(sweep.log).run().y.tolist() == sweep.log.y.tolist()
 
 
+@pytest.mark.nightly
 def test_ablation_in_the_report(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
     monkeypatch.setattr(ablation, "PARTS", {name: ablation.PARTS[name] for name in ("end stops", "play")})

@@ -23,6 +23,7 @@ def values(summary):
     return {value["name"]: value for value in summary["values"]}
 
 
+@pytest.mark.nightly
 def test_the_break_away_that_a_sweep_hides_is_found_with_the_proposed_experiment(first, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["design", str(first), "--for", "ends,breakaway", "--out", "next", "--json"]) == 0

@@ -91,6 +91,7 @@ def test_what_a_killed_run_leaves_goes_with_the_next_one(kills, given, tmp_path)
     assert {"map.toml", "runs/info/report.html", "runs/info/summary.json"} < set(found)
 
 
+@pytest.mark.nightly
 def test_the_script_notices_what_it_is_to_notice(kills, given, tmp_path):
     """Half an output, one of other content, a leftover, a traceback in vain: each is counted."""
     place, verb = tmp_path / "place", kills.Verb(VERB, ("out",))

@@ -235,6 +235,7 @@ def test_deviations_of_parameters_under_coloured_residuals_are_called_too_small(
     assert "Too small" not in made
 
 
+@pytest.mark.nightly
 def test_a_page_of_a_million_samples_stays_below_10_mb(tmp_path):
     n = 1_000_000
     rng = np.random.default_rng(0)
@@ -310,6 +311,7 @@ def test_in_chromium_figures_are_drawn_nothing_is_loaded_and_the_legend_hides_a_
     assert browser.execute_script(lines) == before - 2  # in the output's and in the error's panel
 
 
+@pytest.mark.nightly
 def test_in_chromium_a_phone_scrolls_tables_and_never_the_page(browser, folder):
     opened(browser, folder, 390)
     assert browser.execute_script("return innerWidth") == 390
@@ -320,6 +322,7 @@ def test_in_chromium_a_phone_scrolls_tables_and_never_the_page(browser, folder):
     assert browser.execute_script(tables)
 
 
+@pytest.mark.nightly
 def test_in_chromium_dark_is_dark_and_print_has_pictures_on_white(browser, folder):
     opened(browser, folder, 1000, dark=True)
     colour = "return getComputedStyle(document.querySelector('{}')).{}"

@@ -31,6 +31,7 @@ def cost(tmp_path_factory) -> dict[str, tuple[float, float]]:
     return found
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("kind", MOST)
 def test_ten_million_rows_fit_in_memory(kind, cost):
     assert cost[kind][0] < MOST[kind]

@@ -13,9 +13,10 @@ import pytest
 from fuzz.mutate import BYTES, damaged, other_values
 from fuzz.scripted import ENDS
 from fuzz.targets import SHARES, TARGETS
+from often import FULL
 
 ROOT = Path(__file__).resolve().parents[2]
-CASES = 700
+CASES = 700 if FULL else 140
 ENVIRONMENT = {**os.environ, "POLARS_MAX_THREADS": "1", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
 
 
