@@ -74,7 +74,7 @@ class Dynamic(Recursion):
     def _key(self) -> str:
         return hashlib.blake2b(self.text.encode(), digest_size=12).hexdigest()
 
-    def _near(self) -> Path | None:
+    def _folder(self) -> Path | None:
         return None  # the library's own folder is not the place for a user's kernels
 
     def start(self, x: np.ndarray) -> np.ndarray:
