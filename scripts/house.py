@@ -22,6 +22,7 @@ from io import StringIO
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))  # the walks enter the files beside this script, whatever is installed
 PACKAGES = ("sysid", "twin")
 NOUNS_IN_ED = ["bed", "feed", "need", "reed", "red", "seed", "speed", "embed", "exceed", "bleed", "weed", "creed"]
 WORDS = {
@@ -69,7 +70,10 @@ def entered(walk: Callable[[], object]) -> set[str]:
     shared = ("<module>", "<listcomp>", "<genexpr>", "<dictcomp>", "<setcomp>", "<lambda>", "__getattr__")
 
     def profile(frame, event, _argument) -> None:
-        if event == "call" and frame.f_code.co_name not in shared:
+        name = frame.f_code.co_name
+        # Numba tells the profiler of calls of compiled functions too, under the name of their source.
+        compiled = type(frame.f_globals.get(name)).__name__ == "CPUDispatcher"
+        if event == "call" and name not in shared and not compiled:
             files.add(frame.f_code.co_filename)
 
     sys.setprofile(profile)
