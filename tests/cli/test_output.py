@@ -260,7 +260,7 @@ def test_a_line_that_cannot_be_written_leaves_no_empty_file(tmp_path, monkeypatc
     lines, kept = Lines(tmp_path / "j.jsonl"), Lines(tmp_path / "kept.jsonl")
     kept.append("first")
     monkeypatch.setattr(files.os, "fsync", full)
-    monkeypatch.setattr(Lines, "_whole", lambda self: b"" if self is lines else b"first\n")
+    monkeypatch.setattr(Lines, "_complete_lines", lambda self: b"" if self is lines else b"first\n")
     for each in (lines, kept):
         with pytest.raises(OSError, match="No space"):
             each.append("a row")
