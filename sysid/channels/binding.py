@@ -10,8 +10,14 @@ from sysid.channels.clock import digits_of_a_day, unit_of_clock
 from sysid.channels.column import column_of, label, numbers, parse_header, unit_in_brackets
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock, brief
-from sysid.data.magnitudes import overflow_mask
 from sysid.data.table import Table
+
+# Numbers that no channel has, and codes that an instrument writes for none.
+HUGE = 1e16  # beside which a signal of usual size is rounded away when a mean is subtracted
+OVERFLOW_CODES = (9.9e37, 9.91e37, 3.4028235e38)  # of SCPI, and of a float32 that is full
+CODE_TOLERANCE = 1e-4  # of a code, which may be printed with few digits
+USUAL_SIZE = 1e-9  # how small the others are beside what is no measurement
+USUAL_SHARE = 0.1  # part of a column that has to be of usual size, so that the rest stands off
 
 
 def check_mapping(table: Table, mapping: ChannelMap) -> None:
@@ -210,3 +216,16 @@ def _add_sign(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:
 def _error(table: Table, channel: Channel, bad: np.ndarray, sentence: str) -> InputError:
     """The error for the first `bad` cell (n,) of a channel, with its row."""
     return table.error(channel.column, int(np.argmax(bad)), sentence)
+
+
+def overflow_mask(values: np.ndarray) -> np.ndarray:
+    """Which values (n,) are a code of an instrument, or lie so far outside all others as no measurement does."""
+    if not len(values) or -HUGE < np.nanmin(values, initial=0.0) <= np.nanmax(values, initial=0.0) < HUGE:
+        return np.zeros(len(values), dtype=bool)
+    size = np.abs(values)
+    huge = (size >= HUGE) & np.isfinite(size)
+    usual_sizes = size[(size > 0) & (size < HUGE)]
+    if len(usual_sizes) >= USUAL_SHARE * len(values) and usual_sizes.max() <= USUAL_SIZE * size[huge].min():
+        return huge
+    codes = np.any([np.abs(size - code) <= CODE_TOLERANCE * code for code in OVERFLOW_CODES], axis=0)
+    return codes if (size < HUGE).any() and codes[huge].all() else np.zeros(len(values), dtype=bool)

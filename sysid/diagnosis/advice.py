@@ -12,9 +12,8 @@ from scipy.special import ndtri
 from sysid.base.checks import checked
 from sysid.base.parallel import one_blas_thread
 from sysid.base.quantities import Quantity, display_quantity
-from sysid.data.magnitudes import check_magnitudes
 from sysid.data.outliers import hampel
-from sysid.data.record import IOData
+from sysid.data.record import IOData, check_magnitudes
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.relation import advise_relation

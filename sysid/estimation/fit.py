@@ -24,8 +24,7 @@ from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.data.magnitudes import check_magnitudes
-from sysid.data.record import IOData
+from sysid.data.record import IOData, check_magnitudes
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,

@@ -11,8 +11,7 @@ from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.block.symmetry import direction
-from sysid.data.magnitudes import check_magnitudes
-from sysid.data.record import IOData
+from sysid.data.record import IOData, check_magnitudes
 from sysid.estimation.normal import largest_unit, observed_samples, unit_of
 from sysid.estimation.origin import Origin
 from sysid.nlarx.choice import RIDGES, choices, choose_size

@@ -1,13 +1,11 @@
-"""Search methods: one file, one class, one line in `TABLE`. The loop around them is `sysid.solver.iterate`."""
+"""Search methods: one line in `TABLE` each, those of a kind in one file. The loop around: `sysid.solver.iterate`."""
 
 from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.solver.iterate import Search
-from sysid.solver.searches.adaptive_gauss_newton import AdaptiveGaussNewton
 from sysid.solver.searches.auto import Auto
-from sysid.solver.searches.gauss_newton import GaussNewton
+from sysid.solver.searches.gauss_newton import AdaptiveGaussNewton, GaussNewton, LevenbergMarquardt
 from sysid.solver.searches.gradient import Gradient
-from sysid.solver.searches.levenberg_marquardt import LevenbergMarquardt
 from sysid.solver.searches.trust_region import TrustRegion
 
 TABLE: dict[str, type[Search]] = {

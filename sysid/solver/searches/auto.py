@@ -4,10 +4,8 @@ from dataclasses import replace
 from typing import Any
 
 from sysid.solver.iterate import SMALL, Attempt, Linearisation, Options, Search, Step
-from sysid.solver.searches.adaptive_gauss_newton import AdaptiveGaussNewton
-from sysid.solver.searches.gauss_newton import GaussNewton
+from sysid.solver.searches.gauss_newton import AdaptiveGaussNewton, GaussNewton, LevenbergMarquardt
 from sysid.solver.searches.gradient import Gradient
-from sysid.solver.searches.levenberg_marquardt import LevenbergMarquardt
 
 _HALVINGS = 2
 
