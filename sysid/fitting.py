@@ -1,4 +1,4 @@
-"""fit(model, data): one function for every kind of model."""
+"""`sysid.fit`, `save` and `load`: one function for every kind of model."""
 
 from collections.abc import Callable
 from os import PathLike

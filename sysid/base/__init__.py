@@ -1,4 +1,4 @@
-"""Basics of all rooms: errors, atomic files, plain values, threads, criteria, poles, the look of figures."""
+"""Basics of all rooms: errors, checks of arguments, atomic files, locks, workers, compiled loops, criteria, style."""
 
 import sys
 from collections.abc import Callable

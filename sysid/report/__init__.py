@@ -1,4 +1,4 @@
-"""The report of a workflow: sections, figures, HTML."""
+"""The pages of `identify`, `info`, `design`, `run`, `models` and `bench`, their sections and figures."""
 
 from sysid.base import modules_of
 

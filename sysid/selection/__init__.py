@@ -1,4 +1,4 @@
-"""Structure search."""
+"""Structure search: structures, maps and orders judged on parts of a record, with a journal."""
 
 from sysid.base import modules_of
 

@@ -1,4 +1,4 @@
-"""Fits judged on validation data."""
+"""Fits judged on unseen data: comparison and cross-validation."""
 
 from sysid.base import modules_of
 

@@ -1,4 +1,4 @@
-"""From a recorded file to final results."""
+"""From a recorded file to final results, and to what to try next."""
 
 from sysid.base import modules_of
 
