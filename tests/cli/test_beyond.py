@@ -127,6 +127,7 @@ def shoulder():
         return protocol.run(seed=0, duration=150.0)
 
 
+@pytest.mark.nightly
 def test_both_structures_see_the_same_records_and_the_joint_is_far_ahead_where_nothing_repeats(shoulder):
     sweep, drawn = shoulder.joints[0].beyond.trials
     for trial in (sweep, drawn):
@@ -152,6 +153,7 @@ def test_the_record_that_does_not_repeat_meets_both_ends(joint):
     assert np.abs(log.u).max() <= 12.0
 
 
+@pytest.mark.nightly
 def test_recovered_values_stand_beside_the_truth_in_its_own_units(shoulder):
     found = {r.name: r for r in shoulder.joints[0].beyond.recovered}
     true = twin.truth("shoulder")
@@ -170,6 +172,7 @@ def test_recovered_values_stand_beside_the_truth_in_its_own_units(shoulder):
     assert json.loads(json.dumps(found["delay"].as_dict()))["truth"] == true.delay
 
 
+@pytest.mark.nightly
 def test_the_tables_show_the_papers_row_both_structures_and_every_value(shoulder):
     grid = report.table(shoulder)
     assert [row[1:3] for row in grid.rows] == [

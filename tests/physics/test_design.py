@@ -4,12 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from often import FULL
 
 from sysid.base.errors import InputError
 from sysid.excitations import TABLE
 from twin import JOINTS, Experiment, Parameters, truth
 from twin.design import QUIET, fit_stroke
 
+EXCITATIONS = sorted(TABLE) if FULL else ("aprbs", "multisine", "sweep")  # levels at random, a spectrum, end to end
 # Short records, with times that fit them: the shoulder crosses its stroke in 1.6 s, the others in about 6 s.
 DURATION = {"shoulder": 20.0, "thigh": 50.0, "shank": 50.0}
 
@@ -32,7 +34,7 @@ def noisier(experiment):
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-@pytest.mark.parametrize("excitation", sorted(TABLE))
+@pytest.mark.parametrize("excitation", EXCITATIONS)
 def test_inside_stays_inside_and_uses_the_stroke(joint, excitation):
     designed = fit_stroke(planned(joint, excitation))
     for experiment in (designed, noisier(designed)):
@@ -46,7 +48,7 @@ def test_inside_stays_inside_and_uses_the_stroke(joint, excitation):
 
 
 @pytest.mark.parametrize("joint", JOINTS)
-@pytest.mark.parametrize("excitation", sorted(TABLE))
+@pytest.mark.parametrize("excitation", EXCITATIONS)
 def test_ends_meets_both_ends_or_says_why_not(joint, excitation):
     # The random levels of some take more crossings than the short records hold: 150 s at thigh and shank.
     experiment = planned(joint, excitation, duration=20.0 if joint == "shoulder" else 150.0)

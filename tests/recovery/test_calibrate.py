@@ -191,6 +191,7 @@ def test_a_capture_with_garbled_lines_is_the_log(tmp_path):
     np.testing.assert_allclose(back.u[whole], log.u[whole], rtol=0, atol=1e-9)
 
 
+@pytest.mark.nightly
 @pytest.mark.long
 @pytest.mark.slow
 def test_intervals_hold_although_the_twin_lacks_effects(seeds):

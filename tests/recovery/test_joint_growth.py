@@ -134,6 +134,7 @@ def test_friction_that_falls_with_speed_is_found_with_what_it_makes_of_break_awa
     assert growth.fit.criteria.loss == pytest.approx(NOISE**2, rel=0.1)
 
 
+@pytest.mark.nightly
 def test_a_part_must_earn_thirty_in_bic() -> None:
     """One record under more and more noise: what Stribeck friction earns falls from far above 30 to below 0.
 
@@ -189,6 +190,7 @@ def test_one_part_is_found_over_many_records(seeds: range) -> None:
     assert found["backlash"] >= 0.75, found  # of a third of the records: one in four may miss
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_all_parts_at_once_are_found_over_many_records(seeds: range) -> None:
     found = shares([judged("all", seed) for seed in some(seeds)[::2]])  # twenty seconds each

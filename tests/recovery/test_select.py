@@ -163,6 +163,7 @@ def test_every_structure_is_tried_with_exactly_the_maps_that_it_has_places_for()
     }
 
 
+@pytest.mark.nightly
 @pytest.mark.long
 @pytest.mark.slow
 def test_the_textbook_plant_among_all_default_maps():
