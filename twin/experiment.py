@@ -187,7 +187,7 @@ class Experiment:
     def prepare(
         self, model: mujoco.MjModel | None = None, u: np.ndarray | None = None, start: Mapping[str, float] | None = None
     ) -> Run:
-        """The simulation of the experiment; `model` if the caller has compiled it already.
+        """What `step` needs to simulate the experiment; `model` if the caller has compiled it already.
 
         `u` (n, joints) [V] replaces the excitation, and `start` [rad] replaces mid stroke for the joints that it names.
         """

@@ -130,7 +130,7 @@ def _unreadable_lock(path: Path, why: str) -> InputError:
 
 
 def _try_lock(file: IO[bytes]) -> bool:
-    """Whether the file is locked now; False where there are no locks. Raises BlockingIOError if another has it."""
+    """Lock the file without waiting; False where there are no locks. Raises BlockingIOError if another has it."""
     try:
         import fcntl
     except ImportError:  # Windows

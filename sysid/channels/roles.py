@@ -192,7 +192,7 @@ def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list
         why.append(f"read column {u.name!r} as the input and {y.name!r} as the output: a log of this program")
         return {"input": u, "output": y}
     count = len(why)
-    roles = {role: _candidate(role, columns, why, unclear) for role in ("input", "output")}
+    roles = {role: _choose_column(role, columns, why, unclear) for role in ("input", "output")}
     if len(table.names) == 2 and len(columns) == 2:
         first, second = columns.values()
         exchanged = roles["input"] is second or roles["output"] is first
@@ -256,8 +256,8 @@ def _role_by_name(column: Column) -> str:
     return "input" if is_input else "output" if is_output else ""
 
 
-def _candidate(role: str, columns: Columns, why: list[str], unclear: list[str]) -> Column | None:
-    """The one candidate for a role; None if there is none or several."""
+def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[str]) -> Column | None:
+    """The only candidate for a role; None if there is none or several. Adds to the sentences `why` or `unclear`."""
     candidates = _candidates(columns, role)
     ambiguous = [column for column in columns.values() if _role_by_name(column) == "both"]
     if ambiguous:
@@ -279,8 +279,8 @@ def _candidate(role: str, columns: Columns, why: list[str], unclear: list[str]) 
         return None
     column = candidates[0]
     evidence = "name" if _role_by_name(column) == role else "unit"
-    servo = ", a reference (the record of a servo)" if role == "input" and column.header.has(REFERENCE) else ""
-    why.append(f"column {column.name!r} is the {role}{servo}: its {evidence} says so")
+    servo_note = ", a reference (the record of a servo)" if role == "input" and column.header.has(REFERENCE) else ""
+    why.append(f"column {column.name!r} is the {role}{servo_note}: its {evidence} says so")
     return column
 
 

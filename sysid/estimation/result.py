@@ -88,18 +88,19 @@ class Fit(FitMethods):
     def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
         """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
 
-        The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; in a
-        file of an earlier version, in this record), see `sysid.estimation.free_run`. With white residuals it is the
-        free run. Raises InputError for a horizon below 1.
+        The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; for
+        a fit in a file of an earlier version, in this record), see `sysid.estimation.free_run`. With white residuals it
+        is the free run. Raises InputError for a horizon below 1.
         """
         check_horizon(horizon)
         levelled, predictions = self.own_level(data), []
-        runs = [self._run(e, n_init).y for e in levelled.experiments]
-        e = np.where(levelled.observed, levelled.y - np.concatenate(runs), 0.0)
-        noise = self.noise or [autoregression(v, levelled.lengths) for v in e.T]
-        for record, run in zip(levelled.experiments, runs, strict=True):
-            columns = zip((record.y - run).T, noise, record.observed.T, strict=True)
-            predictions.append(run + np.column_stack([forecast(v, a, horizon, observed) for v, a, observed in columns]))
+        runs = [self._run(experiment, n_init).y for experiment in levelled.experiments]
+        residuals = np.where(levelled.observed, levelled.y - np.concatenate(runs), 0.0)
+        noise = self.noise or [autoregression(residual, levelled.lengths) for residual in residuals.T]
+        for experiment, run in zip(levelled.experiments, runs, strict=True):
+            columns = zip((experiment.y - run).T, noise, experiment.observed.T, strict=True)
+            forecasts = [forecast(residual, a, horizon, observed) for residual, a, observed in columns]
+            predictions.append(run + np.column_stack(forecasts))
         y = restore_offsets(np.concatenate(predictions), levelled, data)
         return y[:, 0] if self.model.channels[1] == 1 else y
 

@@ -39,13 +39,13 @@ class Parquet:
         try:
             frame = tables.read_parquet(path)
         except tables.DamagedError as error:
-            kind = str(error).partition(":")[0]
-            raise InputError(f"{path} is not a readable Parquet file ({kind}); write it again") from None
+            error_name = str(error).partition(":")[0]
+            raise InputError(f"{path} is not a readable Parquet file ({error_name}); write it again") from None
         if not frame.height:
             raise InputError(f"{path} has no rows; give a file with one row a sample")
         arrays = Arrays(path)
         for column in frame.iter_columns():
-            _add(arrays, column.name, column)
+            _add_column(arrays, column.name, column)
         return arrays.table("row", f"has no numeric column; found {', '.join(frame.columns) or 'nothing'}")
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
@@ -63,8 +63,8 @@ class Parquet:
         return polars.read_parquet_metadata(path.absolute()).get(HEADER, "")
 
 
-def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
-    """Adds a column to the arrays by its type, the fields of a struct and the elements of an array as columns each."""
+def _add_column(arrays: Arrays, name: str, column: "polars.Series") -> None:
+    """Add a column to the arrays by its type, the fields of a struct and the elements of an array as columns each."""
     import polars
 
     kind = column.dtype
@@ -78,7 +78,7 @@ def _add(arrays: Arrays, name: str, column: "polars.Series") -> None:
         arrays.column(name, column.cast(polars.Duration("ns")).to_numpy(), kind == polars.Time)
     elif isinstance(kind, polars.Struct):
         for field in kind.fields:
-            _add(arrays, f"{name}.{field.name}", column.struct.field(field.name))
+            _add_column(arrays, f"{name}.{field.name}", column.struct.field(field.name))
     elif isinstance(kind, polars.Array | polars.List):
         _add_elements(arrays, name, column)
     else:
@@ -94,4 +94,4 @@ def _add_elements(arrays: Arrays, name: str, column: "polars.Series") -> None:
         arrays.leave_out(name, "lists of several lengths")
         return
     for k in range(lengths[0]):
-        _add(arrays, f"{name}[{k}]", rows.list.get(k))
+        _add_column(arrays, f"{name}[{k}]", rows.list.get(k))

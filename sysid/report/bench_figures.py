@@ -98,22 +98,24 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
 def cell_figure(cell: Redrawn) -> Figure:
     """Input, measured output with the free run over it, and the error, around the largest error."""
     error = np.where(np.isfinite(cell.run), cell.y - cell.run, np.nan)
-    scored = np.abs(error[cell.drop :])
-    worst = int(np.nanargmax(scored)) + cell.drop if np.isfinite(scored).any() else 0
+    scored_errors = np.abs(error[cell.drop :])
+    worst = int(np.nanargmax(scored_errors)) + cell.drop if np.isfinite(scored_errors).any() else 0
     start = max(0, min(worst - SAMPLES // 2, len(cell.y) - SAMPLES))
-    part = slice(start, start + SAMPLES)
-    t = np.arange(len(cell.y))[part] * cell.Ts
-    errors: list[Item] = [Line(t, error[part], "measured less free run")]
+    window = slice(start, start + SAMPLES)
+    t = np.arange(len(cell.y))[window] * cell.Ts
+    error_lines: list[Item] = [Line(t, error[window], "measured less free run")]
     if cell.clean is not None:
-        errors.append(Line(t, (cell.y - cell.clean)[part], "noise", style.SECOND))
-    runs = [Line(t, cell.y[part], "measured", style.INK), Line(t, cell.run[part], f"free run of {cell.method}")]
+        error_lines.append(Line(t, (cell.y - cell.clean)[window], "noise", style.SECOND))
+    free_run = Line(t, cell.run[window], f"free run of {cell.method}")
+    output_lines = [Line(t, cell.y[window], "measured", style.INK), free_run]
     low, high = float(np.nanmin(cell.y)), float(np.nanmax(cell.y))
-    air = 0.3 * (high - low) or 1.0  # a run that diverges must not flatten the measured output
-    time = Axis("time in the test [s]")
+    margin = 0.3 * (high - low) or 1.0  # a run that diverges must not flatten the measured output
+    output_axis = Axis.of(display_quantity("output", cell.unit), (low - margin, high + margin))
+    time_axis = Axis("time in the test [s]")
     panels = [
-        Panel([Line(t, cell.u[part], "input", style.INPUT, key=False)], Axis("input"), time, weight=0.8),
-        Panel(runs, Axis.of(display_quantity("output", cell.unit), (low - air, high + air)), time, weight=1.8),
-        Panel(errors, Axis.of(display_quantity("error", cell.unit)), time),
+        Panel([Line(t, cell.u[window], "input", style.INPUT, key=False)], Axis("input"), time_axis, weight=0.8),
+        Panel(output_lines, output_axis, time_axis, weight=1.8),
+        Panel(error_lines, Axis.of(display_quantity("error", cell.unit)), time_axis),
     ]
     return Figure(panels, height=4.6)
 

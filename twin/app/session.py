@@ -48,7 +48,7 @@ class Session:
         self.complaints: list[str] = []
         self.version = 0
         self._lock: Lock | None = None
-        self._turn = threading.RLock()  # jobs and pages change it from their own threads
+        self._thread_lock = threading.RLock()  # jobs and pages change it from their own threads
 
     @classmethod
     def open(cls, folder: str | os.PathLike[str]) -> "Session":
@@ -91,7 +91,7 @@ class Session:
 
     def change(self, **fields: Any) -> None:
         """Change fields of `head` and write it."""
-        with self._turn:
+        with self._thread_lock:
             self.head = Head.model_validate({**self.head.model_dump(), **fields})
             write_text(self.folder / HEAD, self.head.model_dump_json(indent=2) + "\n")
             self.version += 1
@@ -99,7 +99,7 @@ class Session:
     def add(self, entry: Entry, fill: Callable[[Path], None]) -> str:
         """A new entry's id; `fill` writes its files into a folder that appears only when it is whole."""
         kind = next(name for name, (_, _, cls) in KINDS.items() if isinstance(entry, cls))
-        with self._turn, self._new(kind) as folder:
+        with self._thread_lock, self._new(kind) as folder:
             fill(folder)
             write_text(folder / ENTRY, entry.model_dump_json(indent=2) + "\n")
             key = self._free_id(kind)
@@ -110,7 +110,7 @@ class Session:
 
     def change_data(self, key: str, **fields: Any) -> Data:
         """Change fields of a record's entry and write it; raises InputError for fields out of their limits."""
-        with self._turn:
+        with self._thread_lock:
             if key not in self.data:
                 raise InputError(f"this session has no record {key!r} any more")
             entry = Data.from_form({**self.data[key].model_dump(), **fields})
@@ -120,8 +120,8 @@ class Session:
         return entry
 
     def add_file(self, kind: str, key: str, file: Path) -> None:
-        """Move a whole file into the folder of an entry, if the entry is still there."""
-        with self._turn:
+        """Move a file into the folder of an entry, where it appears whole; nothing if the entry is gone."""
+        with self._thread_lock:
             if key not in getattr(self, kind):
                 return
             shutil.move(file, self.folder / kind / key / f"{NEW}{file.name}")  # it may come from another disk
@@ -130,7 +130,7 @@ class Session:
 
     def remove(self, kind: str, key: str) -> None:
         """Delete an entry and its files."""
-        with self._turn:
+        with self._thread_lock:
             if getattr(self, kind).pop(key, None) is None:
                 return
             target = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes

@@ -187,7 +187,7 @@ def tables(result: Comparison) -> list[Grid]:
 
 
 def regime_table(result: Comparison) -> Grid:
-    """Share, RMS and share of the error of every regime, with its definition."""
+    """Share of samples, RMS error and share of the squared error of every regime, with its definition."""
     rows = [
         (
             regime.name,

@@ -126,7 +126,7 @@ def _address(model: mujoco.MjModel, joint: str) -> int:
 
 
 def tint(model: mujoco.MjModel, colours: Mapping[str, Sequence[float]]) -> None:
-    """Give the legs with these suffixes one colour each, cylinders included; opacity 0 hides a leg."""
+    """Give the legs with these suffixes one colour each, actuators included; opacity 0 hides a leg."""
     for suffix, colour in colours.items():
         for rgba, material, group, names in (
             (model.geom_rgba, model.geom_matid, model.geom_group, [model.geom(k).name for k in range(model.ngeom)]),

@@ -29,7 +29,7 @@ HELD_OUT = 400  # gain of the servo's position loop whose logs are the test
 
 def ced(folder: Path) -> Task:
     """Coupled electric drives: a motor's voltage to the belt's speed, whose sensor is blind to its sign."""
-    t = _csv(folder / "ced" / "DATAUNIF.csv")
+    t = _read_csv(folder / "ced" / "DATAUNIF.csv")
     records = [IOData(t[:, k], t[:, k + 2], 0.02) for k in (0, 1)]
     return Task(
         IOData.merge(*(record.select(0, 400) for record in records)),
@@ -44,7 +44,7 @@ def ced(folder: Path) -> Task:
 
 def emps(folder: Path) -> Task:
     """Electro-mechanical positioning system: the voltage of a position loop to the carriage's position."""
-    train, test = (_mat(folder / "emps" / f"{name}.mat") for name in ("DATA_EMPS", "DATA_EMPS_PULSES"))
+    train, test = (_read_mat(folder / "emps" / f"{name}.mat") for name in ("DATA_EMPS", "DATA_EMPS_PULSES"))
     return Task(
         IOData(train["vir"], 1e3 * train["qm"], 1e-3),
         {"pulses": IOData(test["vir"], 1e3 * test["qm"], 1e-3)},
@@ -58,7 +58,7 @@ def emps(folder: Path) -> Task:
 
 def cascaded_tanks(folder: Path) -> Task:
     """Two tanks, one above the other: pump voltage to the level of the lower one, which may overflow."""
-    t = _csv(folder / "cascaded_tanks" / "dataBenchmark.csv")
+    t = _read_csv(folder / "cascaded_tanks" / "dataBenchmark.csv")
     return Task(
         IOData(t[:, 0], t[:, 2], 4.0),
         {"validation": IOData(t[:, 1], t[:, 3], 4.0)},
@@ -72,7 +72,7 @@ def cascaded_tanks(folder: Path) -> Task:
 
 def silverbox(folder: Path) -> Task:
     """A circuit like a mass on a hardening spring (Duffing): volts to volts, here in mV."""
-    t = 1e3 * _csv(folder / "silverbox" / "SNLS80mV.csv")[:, :2]
+    t = 1e3 * _read_csv(folder / "silverbox" / "SNLS80mV.csv")[:, :2]
     record = IOData(t[:, 0], t[:, 1], 1 / 610.35)
     parts = {"multisine": (105712, 127400), "arrow": (100, 40575), "no extrapolation": (100, 32100)}
     return Task(
@@ -218,7 +218,7 @@ def _check_file(path: Path) -> Path:
     return path
 
 
-def _csv(path: Path) -> np.ndarray:
+def _read_csv(path: Path) -> np.ndarray:
     """The numbers of a CSV with one heading row; a trailing comma makes a last column of nan."""
     return np.genfromtxt(_check_file(path), delimiter=",", skip_header=1)
 
@@ -227,7 +227,7 @@ def _text(path: Path) -> np.ndarray:
     return np.loadtxt(_check_file(path))
 
 
-def _mat(path: Path) -> dict[str, np.ndarray]:
+def _read_mat(path: Path) -> dict[str, np.ndarray]:
     """The vectors (N,) of a MAT file by name."""
     from scipy.io import loadmat
 
