@@ -94,6 +94,7 @@ def short_protocol(monkeypatch):
     monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
 
 
+@pytest.mark.nightly
 def test_reproduce_goes_on_without_a_renderer_and_ends_with_1_where_a_check_does_not_hold(
     short_protocol, monkeypatch, tmp_path, capsys
 ):

@@ -154,6 +154,7 @@ def test_the_executor_gives_the_same_on_two_processes(tmp_path):
     assert read(tmp_path / "1.parquet").select(SURE).equals(read(tmp_path / "2.parquet").select(SURE))
 
 
+@pytest.mark.nightly
 def test_a_cluster_that_loses_a_worker_loses_no_row(tmp_path):
     pytest.importorskip("distributed")
     with cluster(tmp_path) as (address, workers):

@@ -37,6 +37,7 @@ def test_ten_million_rows_fit_in_memory(kind, cost):
     assert cost[kind][0] < MOST[kind]
 
 
+@pytest.mark.nightly
 def test_quotes_do_not_send_a_file_down_the_slow_path(cost):
     assert cost["quoted"][1] < 3.5 * max(cost["csv"][1], 0.2)
 

@@ -69,7 +69,7 @@ def test_alignment_holds_what_was_done_to_the_log(seeds):
 def test_alignment_is_applied_only_where_asked():
     log = log_of(delay=0.04, zero=0.03)
     raw = trials_of(log)
-    found = align(raw, None, applied=("delay",))
+    found = align(raw, None, applied_parts=("delay",))
     assert found.read == {"delay": found.delay.value}
     (plain,), (late,) = raw.rows([{}]), Trials(raw.follower, P, found.read).rows([{}])
     (wanted,) = raw.rows([{"delay": found.delay.value}])

@@ -129,7 +129,7 @@ def test_equal_seeds_give_equal_numbers_at_any_thread_count(monkeypatch):
     data = plant.record(1000, 0.02, np.random.default_rng(3))
     chain = sysid.structures.hammerstein_wiener(3, 3, 1)
     first = sysid.fit(chain, data, seed=4)
-    monkeypatch.setattr("sysid.estimation.search.available", lambda: 1)
+    monkeypatch.setattr("sysid.estimation.search.available_cores", lambda: 1)
     second = sysid.fit(chain, data, seed=4)
     np.testing.assert_array_equal(first.theta, second.theta)
     # Another seed draws other candidates.
