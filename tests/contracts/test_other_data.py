@@ -88,6 +88,7 @@ def test_every_call_that_could_take_a_name_for_a_pattern_is_told_not_to():
         if name != "read_parquet_metadata"
         and not any(k.arg == "glob" and getattr(k.value, "value", None) is False for k in node.keywords)
         and getattr(node.args[0], "id", "") != "block"
+        and getattr(node.func.value, "id", "") != "tables"  # of base, whose own call of polars is in this list
     ]
     assert len(calls) >= 3
     assert not loose

@@ -95,7 +95,7 @@ def test_sizes_of_departures_are_found():
     assert np.median(np.array(found)[:, 2]) < 0.05
 
 
-@pytest.mark.parametrize("extra", ["place", "speed", "none"])
+@pytest.mark.parametrize("extra", [pytest.param("place", marks=pytest.mark.nightly), "speed", "none"])
 def test_intervals_hold_under_departures(extra, seeds):
     """Of a dozen estimates of three parameters, about 95 % lie within 1.96 deviations, whatever departs."""
     J = np.column_stack([np.ones(N), Y, np.gradient(Y, TS)])
