@@ -46,7 +46,7 @@ install() {
 }
 
 checksum() {
-    (cd "$root" && find twin sysid model pyproject.toml -type f ! -name '*.py[co]' ! -name '*.nb[ic]' \
+    (cd "$root" && find twin sysid model scripts/peers pyproject.toml -type f ! -name '*.py[co]' ! -name '*.nb[ic]' \
         -exec cksum {} + | LC_ALL=C sort | cksum)
 }
 

@@ -22,7 +22,6 @@ from io import StringIO
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))  # the walks enter the files beside this script, whatever is installed
 PACKAGES = ("sysid", "twin")
 NOUNS_IN_ED = ["bed", "feed", "need", "reed", "red", "seed", "speed", "embed", "exceed", "bleed", "weed", "creed"]
 WORDS = {
@@ -309,6 +308,7 @@ def show_names(folder: str, listed: bool) -> None:
 
 
 def main() -> None:
+    sys.path.insert(0, str(ROOT))  # the walks enter the files beside this script, whatever is installed
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("what", choices=("walks", "lines", "circles", "rooms", "names"))
     parser.add_argument("folder", nargs="?", default="", help="names: of this folder alone, for example sysid/base")
