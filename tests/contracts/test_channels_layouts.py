@@ -1,6 +1,5 @@
 """A drawn record in a drawn layout is read by guess: the numbers are the truth, or a sentence says what is unclear."""
 
-import os
 import tempfile
 from collections import Counter
 from pathlib import Path
@@ -9,11 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from layouts import Layout, Written, layouts, write
+from often import FULL
 
 from sysid import InputError, read_signals
 from sysid.channels.signals import Signals
-
-FULL = os.environ.get("QPAL_FULL") == "1"
 
 
 def test_a_record_is_read_right_or_refused_with_a_sentence():

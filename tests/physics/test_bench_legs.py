@@ -1,10 +1,10 @@
 """Scenarios on the leg: the same twice, with a true reading, a true pole, one imperfection at a time, and new legs."""
 
-import os
 import pickle
 
 import numpy as np
 import pytest
+from often import FULL
 
 from sysid.base.errors import InputError
 from twin.bench import TABLE
@@ -13,7 +13,6 @@ from twin.hardware.linkage import end_angles
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters
 
-FULL = os.environ.get("QPAL_FULL") == "1"
 QUICK = [("twin", "shank"), ("twin", "thigh-only-dropouts-servo"), ("legs", "thigh-servo"), ("mismatch", "thigh")]
 EVERY = [(name, scenario) for name, family in TABLE.items() for scenario in family.scenarios()]
 

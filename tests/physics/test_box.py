@@ -1,11 +1,10 @@
 """The whole box of parameters: nothing explodes, and without power no leg gains energy."""
 
-import os
-
 import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import Batch
+from often import FULL
 
 from twin import Ensemble, Experiment
 from twin.ensemble.draws import whole_box
@@ -14,8 +13,6 @@ from twin.parameters import JOINTS, Parameters
 from twin.plant import slots, stepping
 from twin.plant.leg import bench
 from twin.plant.stepping import attempt, boards
-
-FULL = os.environ.get("QPAL_FULL") == "1"
 
 
 def switched(run: stepping.Run, seed: int) -> stepping.Run:

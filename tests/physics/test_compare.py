@@ -1,9 +1,8 @@
 """A log beside the twin: known delays, signs, slopes and zeros come back, single effects are named."""
 
-import os
-
 import numpy as np
 import pytest
+from often import FULL
 from scipy.stats import binom
 
 import twin
@@ -17,7 +16,6 @@ from twin.hardware.linkage import end_angles, middle
 from twin.log import Log
 
 P = twin.Parameters()
-FULL = os.environ.get("QPAL_FULL") == "1"
 NOISE = 1e-4  # [rad] of the logs made here
 
 

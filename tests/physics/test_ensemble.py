@@ -1,23 +1,19 @@
-"""Ensembles: the logs of single runs whatever the split, and a folder that survives kills and full disks."""
+"""Ensembles: the logs of single runs whatever the split, drawn parameters, and what goes wrong in one simulation."""
 
-import errno
-import json
 import math
-import os
-import signal
 import subprocess
 import sys
 import tempfile
-import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
+from ensembles import ensemble, same
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mujoco.batch import MODEL_FIELDS, Batch, SimulationError
+from often import FULL
 
 from sysid.base.errors import InputError
 from twin import Ensemble, Experiment
@@ -30,7 +26,6 @@ from twin.plant import stepping
 from twin.plant.leg import bench
 from twin.plant.stepping import attempt, step
 
-FULL = os.environ.get("QPAL_FULL") == "1"
 DRAWS = Draws({"thigh.coulomb": 0.3, "thigh.stall_force": 0.2, "supply_voltage": 0.1}, ["adc_bits"], ["pot_supply"])
 # A drawn drive, drawn models, all joints, and the position loop with its own noise.
 CASES = {
@@ -40,15 +35,6 @@ CASES = {
     "leg": (Experiment("leg", "aprbs", 1.5, Ts=0.05), DRAWS),
 }
 SIZE = 5
-
-
-def same(a: Log, b: Log) -> bool:
-    return all(np.array_equal(getattr(a, name), getattr(b, name), equal_nan=True) for name in ("u", "y", "y_true"))
-
-
-def ensemble(folder: Path, n: int = 4, **changes) -> Ensemble:
-    settings = {"experiment": Experiment("thigh", "aprbs", 1.0), "seeds": range(n), "draws": None, "part": 2}
-    return Ensemble(**(settings | {"folder": folder} | changes))
 
 
 @pytest.fixture(scope="module")
@@ -204,128 +190,6 @@ def test_bad_calls_are_refused(tmp_path: Path) -> None:
         ensemble(tmp_path).case(4)
     with pytest.raises(InputError, match="has no ensemble yet"):
         ensemble(tmp_path / "new").table()
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"seeds": range(1, 5)}, "differs in seeds"),
-        ({"experiment": Experiment("shank", "aprbs", 1.0)}, "differs in joint"),
-        ({"experiment": Experiment("thigh", "aprbs", 1.0, options={"amplitude": 6.0})}, "differs in options, signals"),
-        ({"draws": Draws({"gravity": 0.1})}, "differs in draws, draws_seed"),
-    ],
-)
-def test_a_folder_of_another_ensemble_is_refused(tmp_path: Path, changes: dict, says: str) -> None:
-    ensemble(tmp_path).run()
-    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
-    with pytest.raises(InputError, match=f"has another ensemble, which {says}; choose another folder"):
-        ensemble(tmp_path, **changes).run()
-    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-def test_other_folders_are_refused(tmp_path: Path) -> None:
-    (tmp_path / "thesis.tex").write_text("text")
-    with pytest.raises(InputError, match=r"has no manifest\.json; choose an empty or a new folder"):
-        ensemble(tmp_path).run()
-    whole = ensemble(tmp_path / "new").run()
-    manifest = tmp_path / "new" / "manifest.json"
-    found = json.loads(manifest.read_text())
-    assert found["description"]["parameters"] == dict(Parameters().values)
-    assert found["description"]["signals"][0]["amplitude"] == 12.0
-    manifest.write_text(json.dumps(found | {"versions": {"mujoco": "3.0.0"}}))
-    assert whole.table().height == 4  # finished: it can be read
-    (tmp_path / "new" / "part-00001.parquet").unlink()
-    with pytest.raises(InputError, match=r"was started with .*mujoco 3\.0\.0 and now"):
-        whole.run()
-    for text in ("{", "[]", json.dumps(found | {"fingerprint": "0"})):
-        manifest.write_text(text)
-        with pytest.raises(InputError, match="is damaged or not from an ensemble"):
-            whole.run()
-
-
-def test_a_damaged_part_is_named(tmp_path: Path) -> None:
-    whole = ensemble(tmp_path).run()
-    path = tmp_path / "part-00001.parquet"
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(InputError, match=r"part-00001\.parquet cannot be read .* delete this file and run"):
-        whole.table()
-
-
-KILLED = """
-import sys
-from twin import Ensemble, Experiment
-from twin.ensemble.draws import Draws
-Ensemble(Experiment("thigh", "aprbs", 5.0), range(60), Draws({"thigh.coulomb": 0.3}), sys.argv[1], 3).run(1)
-"""
-
-
-def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
-    child = subprocess.Popen([sys.executable, "-c", KILLED, str(tmp_path)])
-    deadline = time.monotonic() + 120
-    while len(list(tmp_path.glob("part-*"))) < 2 and time.monotonic() < deadline:
-        time.sleep(0.01)
-    child.send_signal(signal.SIGKILL)
-    assert child.wait() == -signal.SIGKILL  # it was not done yet
-    kept = {path: path.stat().st_mtime_ns for path in tmp_path.glob("part-*")}
-    assert 2 <= len(kept) < 20
-    (tmp_path / ".part-00019.parquet.1").write_bytes(b"half")  # as a kill within a write leaves it
-    whole = Ensemble(Experiment("thigh", "aprbs", 5.0), range(60), Draws({"thigh.coulomb": 0.3}), tmp_path, part=7)
-    assert whole.table().height == 3 * len(kept)
-    said: list[tuple[int, int]] = []
-    whole.run(2, lambda done, total: said.append((done, total)))
-    assert said == [(3 * k, 60) for k in range(len(kept) + 1, 21)]  # in the parts of before
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "manifest.json",
-        *(f"part-{k:05d}.parquet" for k in range(20)),
-    ]
-    for number, log in enumerate(whole):
-        if number % 13 == 0:
-            assert same(log, whole.case(number).run())
-    assert number == 59
-
-
-def test_a_full_disk_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole, sync, calls = ensemble(tmp_path, n=6), os.fsync, []
-
-    def full(handle: int) -> None:
-        calls.append(handle)
-        if len(calls) > 2:  # the manifest and a part
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        sync(handle)
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(
-        InputError, match=r"part-00001.parquet cannot be written \(No space left on device\); the 1 part"
-    ):
-        whole.run()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["manifest.json", "part-00000.parquet"]
-    monkeypatch.undo()
-    assert whole.table().height == len(list(whole)) == 2
-    assert whole.run().table().height == 6
-
-
-@pytest.fixture
-def small_disk(tmp_path: Path) -> Iterator[Path]:
-    place = tmp_path / "disk"
-    place.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(place)], capture_output=True)
-    if mounted.returncode:
-        pytest.skip("only an administrator can make a small disk")
-    yield place
-    subprocess.run(["umount", str(place)], check=True)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="needs a tmpfs")
-def test_a_disk_that_is_full_in_truth(small_disk: Path) -> None:
-    whole = ensemble(small_disk / "runs", n=30, part=3)
-    with pytest.raises(InputError, match="No space left on device"):
-        whole.run()
-    kept = sorted(path.name for path in (small_disk / "runs").iterdir())
-    assert kept[0] == "manifest.json"
-    assert 1 < len(kept) < 11
-    assert all(name.startswith("part-") for name in kept[1:])
-    assert same(next(iter(whole)), whole.case(0).run())
 
 
 def test_an_experiment_on_which_mujoco_gives_up_is_a_row(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

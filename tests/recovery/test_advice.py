@@ -4,10 +4,9 @@ A rate of 1 % over R seeds has the standard error sqrt(0.01 * 0.99 / R); tests a
 that are not Gaussian run at 1 to 2.5 %, and 3.5 % is the limit that is held here.
 """
 
-import os
-
 import numpy as np
 import pytest
+from often import FULL
 from scipy.signal import lfilter
 
 from sysid import IOData
@@ -19,7 +18,7 @@ from sysid.diagnosis.whitening import drift, feedback, nonlinearity, whiten
 from sysid.excitations import Aprbs, Sweep
 from sysid.systems import system
 
-RUNS = 1000 if os.environ.get("QPAL_FULL") == "1" else 200
+RUNS = 1000 if FULL else 200
 DELAYS = max(RUNS // 5, 1)  # a profile over delays takes longer than the other tests together
 N = 500
 # 3.5 % and four standard errors of that on top.
