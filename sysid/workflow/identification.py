@@ -20,9 +20,9 @@ from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit
 from sysid.workflow.next_step import advice_after_fit, next_step
 from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
-from sysid.workflow.record import Record, in_unit_of, read_record, without_wraps
+from sysid.workflow.record import Record, read_record, without_wraps
 from sysid.workflow.results import Evaluation, Identification, named_channels
-from sysid.workflow.setting import Setting
+from sysid.workflow.setting import Setting, in_unit_of
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 

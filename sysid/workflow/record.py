@@ -5,13 +5,11 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.channels.conversion import convert
 from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of, sample
@@ -19,7 +17,6 @@ from sysid.channels.signals import Signals
 from sysid.data.record import IOData
 from sysid.data.wraps import DEGREES, turn_of, unwrapped
 from sysid.formats import read_table
-from sysid.model.recipes import Recipe
 
 OWN = {"input": "voltage_V", "output": "angle_rad", "time": "time_s"}  # the columns that a log of ours has
 _ARGUMENTS = {"ts": "Ts", "time-unit": "time_unit"}  # of the command line, whose arguments have other names here
@@ -259,24 +256,3 @@ def _follow_goal(data: IOData, turn: float) -> np.ndarray:
     """The goal (N, nu) beside an angle that counts on over turns."""
     goal = data.u if np.ptp(data.u) > turn else np.unwrap(data.u, period=turn, axis=0)
     return goal + turn * np.round((data.y[0, 0] - goal[0]) / turn)
-
-
-def in_unit_of(record: Record, recipe: Recipe) -> tuple[Recipe, Record]:
-    """The recipe with its settings in the record's unit, and the record with a note on which they are.
-
-    A person gives them in the unit that the file's column names, for example degrees, which are read as radians.
-    """
-    unit = record.signals.mapping.output[0].unit
-    factor = convert(unit).factor
-    scaled_recipe = recipe.scaled(factor) if factor != 1.0 else recipe
-    changed_names = [name for name, value in _numbers(recipe).items() if _numbers(scaled_recipe)[name] != value]
-    if not changed_names:
-        return recipe, record
-    names = " and ".join(f"--{name.replace('_', '-')}" for name in changed_names)
-    verb = "counts" if len(changed_names) == 1 else "count"
-    note = f"{names} {verb} in the unit of column {record.output!r}, {unit}"
-    return scaled_recipe, replace(record, remarks=(*record.remarks, note))
-
-
-def _numbers(recipe: Recipe) -> dict[str, Any]:
-    return {name: getattr(recipe, name) for name in recipe.of_kind("number")}

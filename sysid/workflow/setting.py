@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
+from sysid.channels.conversion import convert
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.estimation.starts._start import clip_to_bounds
@@ -18,6 +19,7 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import HammersteinWiener
+from sysid.workflow.record import Record
 
 MOST = 12  # names of one block in a sentence
 
@@ -279,3 +281,24 @@ class Setting:
             **self.held.as_dict(),
             **({"seconds": self.seconds} if self.seconds < math.inf else {}),
         }
+
+
+def in_unit_of(record: Record, recipe: Recipe) -> tuple[Recipe, Record]:
+    """The recipe with its settings in the record's unit, and the record with a note on which they are.
+
+    A person gives them in the unit that the file's column names, for example degrees, which are read as radians.
+    """
+    unit = record.signals.mapping.output[0].unit
+    factor = convert(unit).factor
+    scaled_recipe = recipe.scaled(factor) if factor != 1.0 else recipe
+    changed_names = [name for name, value in _numbers(recipe).items() if _numbers(scaled_recipe)[name] != value]
+    if not changed_names:
+        return recipe, record
+    names = " and ".join(f"--{name.replace('_', '-')}" for name in changed_names)
+    verb = "counts" if len(changed_names) == 1 else "count"
+    note = f"{names} {verb} in the unit of column {record.output!r}, {unit}"
+    return scaled_recipe, replace(record, remarks=(*record.remarks, note))
+
+
+def _numbers(recipe: Recipe) -> dict[str, Any]:
+    return {name: getattr(recipe, name) for name in recipe.of_kind("number")}

@@ -9,9 +9,9 @@ from sysid.blocks import Motor, ServoMotor
 from sysid.report import identify as report
 from sysid.structures import ActuatedJoint, MotorProfile, OutputError, ServoJoint, actuated_joint, servo_joint
 from sysid.workflow.identification import identify_file
-from sysid.workflow.record import in_unit_of, read_record, without_wraps
+from sysid.workflow.record import read_record, without_wraps
 from sysid.workflow.saved import export
-from sysid.workflow.setting import Setting
+from sysid.workflow.setting import Setting, in_unit_of
 
 N, TS = 700, 0.05
 TURN = {"rad": 2.0 * np.pi, "deg": 360.0}
