@@ -18,8 +18,10 @@ import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
+from importlib import import_module
 from io import StringIO
 from pathlib import Path
+from types import ModuleType
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("sysid", "twin")
@@ -159,43 +161,29 @@ def show_lines() -> None:
     print(f"{'all':24}{lines.total():8}{files.total():6}   ({small} files under 60 lines)")
 
 
-def imports_of(package: str) -> dict[str, set[str]]:
-    """Each module of a package and those of its package that it imports anywhere, the package's own facade left out."""
-    names = {}
-    for path in sources(package):
-        parts = path.relative_to(ROOT).with_suffix("").parts
-        names[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    graph: dict[str, set[str]] = {}
-    for name, path in names.items():
-        used = set()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                used |= {alias.name for alias in node.names}
-            elif isinstance(node, ast.ImportFrom):
-                below = {f"{node.module}.{alias.name}" for alias in node.names}
-                used |= {b if b in names else str(node.module) for b in below}
-        graph[name] = used & set(names) - {name, package}
-    return graph
+def architecture() -> ModuleType:
+    """The test that declares the floors and reads the imports."""
+    sys.path.append(str(ROOT / "tests"))
+    return import_module("test_architecture")
 
 
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Groups of modules that reach each other."""
-    reach: dict[str, set[str]] = {}
-    for start in graph:
-        known, todo = set(), [start]
-        while todo:
-            new = graph.get(todo.pop(), set()) - known
-            known |= new
-            todo += new
-        reach[start] = known
-    groups = {frozenset(b for b in reach[a] if a in reach[b]) for a in graph if a in reach[a]}
-    return sorted(sorted(group) for group in groups)
+    from scipy.sparse import csr_array
+    from scipy.sparse.csgraph import connected_components
+
+    names = sorted(graph)
+    reaches = csr_array([[below in graph[name] for below in names] for name in names])
+    count, group_of = connected_components(reaches, connection="strong")
+    groups = [[name for name, k in zip(names, group_of, strict=True) if k == group] for group in range(count)]
+    return [group for group in groups if len(group) > 1]
 
 
 def show_circles() -> None:
-    for package in PACKAGES:
-        groups = circles(imports_of(package))
-        print(f"{package}: {len(groups)} circle(s)")
+    for package in map(import_module, PACKAGES):
+        graph = architecture().arrows(package)
+        groups = circles({name: below for name, below in graph.items() if name != package.__name__})
+        print(f"{package.__name__}: {len(groups)} circle(s)")
         for group in groups:
             print("   ", ", ".join(group))
 
@@ -203,17 +191,10 @@ def show_circles() -> None:
 # ---- the tables of rooms in docs/house.md
 
 
-def floors() -> dict[str, tuple[tuple[str, ...], ...]]:
-    """The rooms of each package from the ground up, as the test of the architecture declares them."""
-    tree = ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8"))
-    names = [node for node in tree.body if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "FLOORS"]
-    return ast.literal_eval(names[0].value)
-
-
 def room_table(package: str) -> str:
     """The rooms of a package with the first paragraph of their docstrings, as Markdown."""
     rows = [f"| room of `{package}` | what is in it |", "| :-- | :-- |"]
-    for name in (room for floor in floors()[package] for room in floor):
+    for name in (room for floor in architecture().FLOORS[package] for room in floor):
         place = ROOT / package / name
         source = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
         text = ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or ""

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from sysid.report.page import Grid
 from twin.report import actuated_joint, reproduce
 from twin.studies import protocol
 from twin.view.stills import leg_stills
@@ -20,12 +19,6 @@ SHOWN = (("shoulder", "max"), ("thigh", "max"), ("shank", "min"))
 COLOURS = 128  # a palette keeps the picture small enough to live in the repository
 
 
-def markdown(grid: Grid) -> str:
-    """The grid as a Markdown table."""
-    rows = [grid.headings, [":--" if grid.is_text(j) else "--:" for j in range(len(grid.headings))], *grid.rows]
-    return "".join("| " + " | ".join(row) + " |\n" for row in rows)
-
-
 def renew_tables() -> None:
     """Replaces the tables between their marks in README."""
     readme = ROOT / "README.md"
@@ -33,7 +26,7 @@ def renew_tables() -> None:
     result = protocol.run(seed=0)
     for name, grid in (("results", reproduce.table(result)), ("beyond", actuated_joint.table(result))):
         mark, end = MARK.format(name), END.format(name)
-        pattern, new = re.escape(mark) + ".*?" + re.escape(end), mark + markdown(grid) + end
+        pattern, new = re.escape(mark) + ".*?" + re.escape(end), mark + grid.markdown() + end
         text = re.sub(pattern, lambda _, new=new: new, text, flags=re.DOTALL)
     readme.write_text(text, encoding="utf-8")
 

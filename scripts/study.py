@@ -56,8 +56,10 @@ def words(text: str) -> list[str]:
 
 def markdown(headings: Sequence[str], rows: Iterable[Sequence[object]], texts: int = 1) -> str:
     """A table of Markdown whose first `texts` columns are texts, and the others numbers."""
-    marks = [":--" if k < texts else "--:" for k in range(len(headings))]
-    return "\n".join("| " + " | ".join(map(str, row)) + " |" for row in (headings, marks, *rows))
+    from sysid.report.page import Grid
+
+    cells = [[str(cell) for cell in row] for row in rows]
+    return Grid(headings, cells, text_columns=texts).markdown().removesuffix("\n")
 
 
 def parser_of(study: Study, name: str, text: str) -> argparse.ArgumentParser:
@@ -77,30 +79,31 @@ def parser_of(study: Study, name: str, text: str) -> argparse.ArgumentParser:
 
 def run(study: Study, options: argparse.Namespace) -> list[Row]:
     """The rows of all cases in their order; those in the journal are not computed again."""
+    from sysid.base.files import Lines
     from sysid.base.parallel import results
 
     runner = {"seeds", "workers", "scheduler", "out", "json"}
     settings = {name: str(value) for name, value in sorted(vars(options).items()) if name not in runner}
     cases = [tuple(case) for case in study.cases(options)]
-    rows = _read(options.out, settings)
-    todo = [case for case in cases if case not in rows]
+    journal = None if options.out is None else Lines(options.out)
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
+    rows = _known_rows([] if journal is None else journal.read(), settings)
+    todo = [case for case in cases if case not in rows]
     for k, score in results(partial(study.score, options=options), todo, options.workers, options.scheduler):
         text = json.dumps({"case": todo[k], **score}, default=_plain)
         row = rows[todo[k]] = json.loads(text)
-        if options.out is not None:
-            with options.out.open("a", encoding="utf-8") as file:
-                file.write(json.dumps({"settings": settings, **row}) + "\n")
+        if journal is not None:
+            journal.append(json.dumps({"settings": settings, **row}))
         if study.line is not None:
             print(study.line(row), file=sys.stderr, flush=True)
     return [rows[case] for case in dict.fromkeys(cases)]
 
 
-def _read(journal: Path | None, settings: dict[str, str]) -> dict[Case, Row]:
-    """The rows of a journal with these settings by case; a line that was cut off is none."""
+def _known_rows(lines: Sequence[str], settings: dict[str, str]) -> dict[Case, Row]:
+    """The rows of a journal with these settings, by case; a line that is no JSON is none."""
     rows = {}
-    for line in journal.read_text(encoding="utf-8").splitlines() if journal and journal.is_file() else ():
+    for line in lines:
         try:
             row = json.loads(line)
         except ValueError:
@@ -122,6 +125,8 @@ def main(arguments: Sequence[str]) -> int:
         print(__doc__)
         print("Studies:", ", ".join(names))
         return 2 * bool(arguments and arguments[0] not in ("-h", "--help"))
+    from sysid.base.files import write_text
+
     sys.path.insert(0, str(FOLDER))  # where worker processes look for the study too
     module = importlib.import_module(arguments[0])
     study: Study = module.STUDY
@@ -130,7 +135,7 @@ def main(arguments: Sequence[str]) -> int:
     summary = study.summary(rows, options)
     print(summary if isinstance(summary, str) else json.dumps(summary, indent=2))
     if options.json is not None:
-        options.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+        write_text(options.json, json.dumps(rows, indent=1) + "\n")
     return int(study.fails is not None and study.fails(rows))
 
 

@@ -40,7 +40,7 @@ def peer_folder() -> Path:
     for folder in (room / "peers", room.parents[1] / "scripts" / "peers"):
         if folder.is_dir():
             return folder
-    raise FileNotFoundError(f"there is no folder {room / 'peers'} with methods of other libraries; reinstall qpal")
+    raise InputError(f"there is no folder {room / 'peers'} with methods of other libraries; reinstall qpal")
 
 
 def cache_folder() -> Path:

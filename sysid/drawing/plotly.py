@@ -21,7 +21,7 @@ from sysid.drawing.figure import (
     Span,
     Stems,
 )
-from sysid.drawing.traces import AREAS, PAPER, symlog, traces_of
+from sysid.drawing.traces import PAPER, area_fill, symlog, traces_of
 
 Plotly = dict[str, Any]
 GRID, FRAME = "#e4e7eb", "#9aa5b1"
@@ -213,8 +213,7 @@ def _shape(item: Rule | Span, panel: Panel | None, place: dict[str, str]) -> Plo
     if isinstance(item, Rule):
         layer = "above" if panel is None else "below"
         return shape | {"type": "line", "layer": layer, "line": {"color": item.colour, "width": 1, "dash": item.dash}}
-    area = {"fillcolor": AREAS[item.colour]} if item.colour in AREAS else {"fillcolor": item.colour, "opacity": 0.15}
-    return shape | area | {"type": "rect", "line": {"width": 0}, "layer": "below"}
+    return shape | area_fill(item.colour) | {"type": "rect", "line": {"width": 0}, "layer": "below"}
 
 
 def _sides(rule: Rule) -> list[Plotly]:

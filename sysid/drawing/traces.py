@@ -34,6 +34,11 @@ MARKS = {
 }
 
 
+def area_fill(colour: str) -> Trace:
+    """The fill of an area of this colour, which what lies behind it shines through."""
+    return {"fillcolor": AREAS[colour]} if colour in AREAS else {"fillcolor": colour, "opacity": 0.15}
+
+
 def traces_of(item: Item, panel: Panel, unified: bool) -> list[Trace]:
     """The traces of an item."""
     match item:
@@ -118,7 +123,7 @@ def _band(item: Band) -> Trace:
         "x": numbers(np.concatenate(xs)),
         "y": numbers(np.concatenate(ys)),
         "fill": "toself",
-        "fillcolor": AREAS[item.colour],
+        **area_fill(item.colour),
         "line": {"width": 0, "color": item.colour},
         "hoverinfo": "skip",
         **_legend_entry(item.label, item.key),

@@ -94,6 +94,11 @@ class Grid:
         unit = f" [{row[units[0]]}]" if units and row[units[0]] not in ("", "–") else ""
         return f"{', '.join(parts)}{unit}{': ' if meaning else ''}{meaning}"
 
+    def markdown(self) -> str:
+        """The table in Markdown, numbers to the right; its last line ends too."""
+        marks = [":--" if self.is_text(j) else "--:" for j in range(len(self.headings))]
+        return "".join("| " + " | ".join(row) + " |\n" for row in (self.headings, marks, *self.rows))
+
     def only(self, *headings: str) -> "Grid":
         """The columns with these headings; they must start with the text columns."""
         keep = [list(self.headings).index(heading) for heading in headings]

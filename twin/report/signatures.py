@@ -72,10 +72,8 @@ def sizes(signatures: Sequence[Signature]) -> Grid:
 def markdown(signatures: Sequence[Signature]) -> str:
     """docs/imperfections.md from its table of sizes on: the text and the pictures of each imperfection."""
     grid = sizes(signatures).only("switch", "what is measured", "joint", "measured", "true", "unit")
-    rule = [":--" if grid.is_text(j) else "--:" for j in range(len(grid.headings))]
-    table = "".join("| " + " | ".join(row) + " |\n" for row in (grid.headings, rule, *grid.rows))
     chapters = [_chapter(imperfection, signatures) for imperfection in IMPERFECTIONS.values()]
-    return "\n".join([MARKS[0] + table + MARKS[1], *chapters])
+    return "\n".join([MARKS[0] + grid.markdown() + MARKS[1], *chapters])
 
 
 def _chapter(i: type[Imperfection], signatures: Sequence[Signature]) -> str:
