@@ -8,6 +8,7 @@ from sysid import Channel, ChannelMap, InputError
 from sysid.channels.conversion import convert
 from sysid.channels.mapping import Adc, Clock, Range, Repair
 from sysid.channels.reading import from_table, parse_range, sample
+from sysid.channels.repair import Correction, total
 
 RNG = np.random.default_rng
 
@@ -314,3 +315,8 @@ def test_a_named_column_that_is_missing_brings_the_closest_names():
         InputError, match=r"unknown column 'time' \(clock.column of the mapping\); the closest is 'tim'"
     ):
         sample(table(tim=k, u=k, y=k), mapping)
+
+
+def test_counts_of_one_kind_add_up_and_kinds_that_were_not_met_are_left_out():
+    corrections = [Correction({"lost": 2, "ends": 0}, ""), Correction({"wraps": 1}, ""), Correction({"lost": 3}, "")]
+    assert list(total(corrections).items()) == [("wraps", 1), ("lost", 5)]
