@@ -9,6 +9,7 @@ from sysid.bench.drawing.plants import draw_filter
 from sysid.bench.drawing.signals import excitation
 from sysid.block.block import StaticBlock
 from sysid.blocks import Custom, PiecewiseLinear, TransferFunction
+from sysid.estimation import search
 from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
 
@@ -132,3 +133,14 @@ def test_filters_of_different_lengths_have_a_common_initial_state():
     data = sysid.IOData(u, y + 1e-3 * rng.standard_normal(800))
     fit = sysid.fit(chain, data, start=theta)
     assert fit.fit_percent(data, 10) > 99.5
+
+
+def test_a_search_from_another_point_takes_its_initial_state_for_the_first_experiment_only():
+    """Other poles come with an initial state of that record; a further experiment keeps its own."""
+    chain, rng = sysid.structures.output_error(2, 2, 1), np.random.default_rng(0)
+    data = IOData(*rng.standard_normal((2, 60)), lengths=(30, 30))
+    context = search.SearchContext(chain, data, sysid.Objective(), "lm", sysid.Options(max_iterations=0), None)
+    problem = context.problem(rng.uniform(-0.1, 0.1, (2, len(chain.names))))
+    point = rng.uniform(-0.1, 0.1, len(chain.names))
+    moved = search._problem_at(chain, problem, context.trial(problem), point).theta0
+    np.testing.assert_array_equal(moved, [point, np.where(chain.initial, problem.theta0[1], point)])

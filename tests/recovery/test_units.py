@@ -307,9 +307,10 @@ def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
         errors = there.size * (there.data.y - there.chain.outputs(theta, there.data.u))
         fit = sysid.fit(chain, data, starts=1, options=sysid.Options(max_iterations=20))
         assert fit.criteria.mse <= np.mean(errors**2), seed
-    eased = [after for before, after in weights if after < before]
+    eased = [after / before for before, after in weights if after < before]
     assert eased
     assert np.count_nonzero(eased) >= len(eased) / 2, "smoothing is made weaker, and seldom left out"
+    assert {round(share, 9) for share in eased} <= {0.0, 0.1, 0.01, 0.001}, "up to three times, each time to a tenth"
 
 
 def test_a_fit_further_away_than_the_mean_is_told():
