@@ -9,13 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cases import FOREIGN
-from corrupt_cases import CASES
+from corrupt_cases import CASES, text
 from hypothesis import given
 from hypothesis import strategies as st
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
-from sysid.formats import TABLE, read_table
+from sysid.formats import TABLE, Delimited, JsonRecords, SerialCapture, read_table
+
+# Formats that know their files by their first bytes; text is read as a table, as JSON or as a capture, whatever it is.
+MARKED = sorted(suffix for suffix, kind in TABLE.items() if kind not in (Delimited, JsonRecords, SerialCapture))
 
 
 def read(path: Path) -> tuple[Table | None, dict[str, np.ndarray], list[str]]:
@@ -44,10 +47,17 @@ def assert_a_sentence(said: str, path: Path) -> None:
 
 def test_there_are_enough_of_them():
     assert len(CASES) >= 60
-    assert {Path(name).suffix for name, _, _ in CASES.values()} >= set(TABLE) - {".dat", ".ndjson"}
+    assert {Path(name).suffix for name, _, _ in CASES.values()} >= set(TABLE) - {".dat", ".ndjson", *MARKED}
 
 
-@pytest.mark.parametrize(("name", "content", "expected"), CASES.values(), ids=CASES)
+STRANGE = {
+    f"{what} called {suffix[1:]}": (f"a{suffix}", content, ["not a readable"])
+    for what, content in (("table", text()), ("noise", bytes(range(256)) * 8))
+    for suffix in MARKED
+}
+
+
+@pytest.mark.parametrize(("name", "content", "expected"), (CASES | STRANGE).values(), ids=CASES | STRANGE)
 def test_a_corrupt_log_is_read_right_or_refused(name, content, expected, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / name
