@@ -34,6 +34,7 @@ suppress_warnings = [
 ]
 
 myst_enable_extensions = ["dollarmath", "deflist"]
+smartquotes_action = "qe"  # an option keeps its two hyphens
 myst_heading_anchors = 4  # links to headings, as on GitHub
 html_math_renderer = "mathml"
 

@@ -4,6 +4,7 @@ import ast
 import importlib
 import inspect
 import pkgutil
+import re
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,6 +26,7 @@ MACHINERY = (
     "solver",
     "workflow",
 )  # of which users call little
+LIMIT = re.compile(r"Limit: (.+?)\.(?: Progress: (.+?)\.)?(?: Budget: (.+?)\.)?$")  # ends a help
 
 
 def public(package: str) -> tuple[list[str], list[str]]:
@@ -119,8 +121,20 @@ def command_page() -> str:
     group = typer.main.get_command(build())
     lines = [heading("Command line"), restructured(group.help) + "\n"]
     lines.append("Each verb says the same with ``--help``. Exit status: 0 done, 1 a check did not hold, 2 bad input.\n")
-    lines += _commands(group, "qpal")
+    lines += [".. list-table:: How long a verb may take\n   :header-rows: 1\n"]
+    for row in (("verb", "limit", "progress", "budget"), *((f"`{verb}`", *said) for verb, said in limits(group))):
+        lines += [f"   {' ' if k else '*'} - {restructured(cell)}" for k, cell in enumerate(row)]
+    lines += ["", *_commands(group, "qpal")]
     return "\n".join(lines)
+
+
+def limits(group: typer.core.TyperGroup, above: str = "") -> Iterator[tuple[str, tuple[str, ...]]]:
+    """The verbs that say how long they may take, each with its limit, progress and budget, empty where it has none."""
+    for name, command in group.commands.items():
+        if hasattr(command, "commands"):
+            yield from limits(command, f"{name} ")
+        elif found := LIMIT.search(" ".join((command.help or "").split())):
+            yield above + name, tuple(said or "" for said in found.groups())
 
 
 def _commands(group: typer.core.TyperGroup, called: str) -> Iterator[str]:

@@ -217,6 +217,19 @@ def test_the_page_of_commands_has_every_option(site):
                     assert " ".join(parameter.help.replace("`", "").split()) in page.replace("`", ""), parameter.help
 
 
+def test_every_verb_says_how_long_it_may_take(site):
+    """A new one too; the options that it names exist."""
+    group = typer.main.get_command(build())
+    found = dict(site.limits(group))
+    assert sorted(found) == sorted([*(group.commands.keys() - {"bench"}), "bench run"])
+    page = site.command_page().replace("\\", "").replace("``", "`")
+    for verb, said in found.items():
+        assert f"   * - ``{verb}``\n".replace("``", "`") + "".join(f"     - {cell}\n" for cell in said) in page
+        command = group.commands[verb] if " " not in verb else group.commands["bench"].commands["run"]
+        for option in re.findall(r"--[a-z]+", said[2]):
+            assert option in [name for parameter in command.params for name in parameter.opts], (verb, option)
+
+
 @pytest.mark.parametrize("package", ["sysid", "twin"])
 def test_the_reference_has_every_public_name(site, package):
     rooms, names = site.public(package)

@@ -168,7 +168,10 @@ def run(
     ] = DEFAULT,
     as_json: options.Json = False,
 ) -> None:
-    """Run methods over scenarios into a table, a row each. A run that was stopped continues where it was."""
+    """Run methods over scenarios into a table, a row each. A run that was stopped continues where it was.
+
+    Limit: its rows. Progress: each row. Budget: --budget, of each row.
+    """
     from sysid.bench.cell import run_cells
     from sysid.bench.table import Table as Results
 

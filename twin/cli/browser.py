@@ -26,6 +26,8 @@ def app(
     The page has logs, preparation, fits, and the comparison with the twin; Ctrl-C ends it.
 
     Only this machine reaches the page, and only by the address that is printed. The session's folder keeps everything.
+
+    Limit: until it is closed; a job can be cancelled. Progress: of the job.
     """
     from twin.app.desk import Desk
     from twin.app.server import listen, serve

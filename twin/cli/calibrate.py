@@ -41,6 +41,8 @@ def calibrate(
     """Fit the twin's parameters to logs of the leg.
 
     They are written, with intervals, as a file for --params.
+
+    Limit: 2 descents of at most 30 steps each. Progress: each step. Budget: --seconds.
     """
     limit = options.budget(seconds)
     from sysid.report.page import write

@@ -50,6 +50,8 @@ def compare(
     The report says how much of the difference each physical effect explains.
 
     With --against: from a saved model, or from a second log of the same input.
+
+    Limit: the log, of which effects are moved on the first --seconds. Progress: each part.
     """
     parameters = options.parameters(params)
     _check_options(against, align, without, params, pot_side, realisation)

@@ -45,6 +45,8 @@ def design(
     """Design the next experiment on an actuated joint.
 
     design.csv has the input and the predicted output.
+
+    Limit: rounds of growth, one for each part of a joint. Progress: each search. Budget: --seconds.
     """
     names = options.names(targets)
     for name in names:

@@ -53,6 +53,9 @@ def export(
     The code is C99, Python or MATLAB; the MJCF is checked against the fit.
 
     The files take and give raw units: they remove the offsets that were removed before the fit.
+
+    Limit: a pass; of a log a joint grows first: identify --seconds and export its model where that is long.
+    Progress: each part.
     """
     flags = {"mjcf": mjcf or into is not None, "c": c, "python": python, "matlab": matlab, "control": control}
     ways = [way for way, flag in flags.items() if flag]

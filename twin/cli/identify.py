@@ -88,6 +88,8 @@ def identify(
     """Fit a model to recorded files and write a report.
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
+
+    Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
     """
     constraints = _constraints(fix or (), bound or (), start)
     steps = (search, starts, options.seed(seed))

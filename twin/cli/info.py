@@ -53,6 +53,8 @@ def info(
     That is columns, units, sampling, repairs, and the mapping to edit.
 
     Without FILE, show the twin's parameters with their sources, and the true values that an identification should find.
+
+    Limit: passes over the record. Progress: each part.
     """
     if file is not None:
         _refuse_options(f"with {file}", params=params, write_params=write_params, signatures=signatures or None)

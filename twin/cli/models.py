@@ -35,6 +35,8 @@ def models(
     """Compare saved models on one record.
 
     The report has their free runs in one figure, a table, and the best one.
+
+    Limit: passes over the record. Progress: each part.
     """
     *paths, file = files
     if not paths:

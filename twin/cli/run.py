@@ -38,6 +38,8 @@ def run(
     The report has its free run and its fit; simulated.csv has the outputs.
 
     The record stays raw: the model knows the offsets that were removed from its estimation data.
+
+    Limit: passes over the record. Progress: each part.
     """
     from sysid.report import saved_models as report
     from sysid.report.page import write

@@ -59,6 +59,8 @@ def simulate(
     """Simulate an experiment on the twin and write its log.
 
     The excitation is of one joint, or of all three.
+
+    Limit: 10^9 steps of the plant, 11.6 days at 1 ms. Progress: the experiment.
     """
     from sysid.report.page import write
     from twin.report import simulate as report

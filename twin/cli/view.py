@@ -57,6 +57,8 @@ def view(
     """Show the robot, or replay a log.
 
     It is shown in a window, in a browser (--web), or as pictures (--strip, --frames, --gif).
+
+    Limit: until it is closed.
     """
     ways = {"--web": web, "--strip": strip, "--frames": frames, "--gif": gif, "--mcap": mcap}
     ways_chosen = [way for way, value in ways.items() if value]
