@@ -1,28 +1,12 @@
-"""The functions that a step may call, as plain Python, so that a step also runs uncompiled, but slowly.
+"""What a step may call and Python's math lacks, as plain Python, so that a step also runs uncompiled, but slowly.
 
 The last two are the exact solution of a first-order lag towards a speed, which the motors share.
 """
 
 import math
-from math import cos, exp, log, sin, sqrt, tanh
+from math import exp, log
 
 _NEWTON_STEP = 1e-9  # of the time; the Newton step that is as small leaves an error of its square
-
-__all__ = [
-    "Input",
-    "advance_lag",
-    "ago",
-    "cos",
-    "exp",
-    "floor",
-    "log",
-    "logistic",
-    "sign",
-    "sin",
-    "sqrt",
-    "tanh",
-    "time_to_reach",
-]
 
 
 class Input(float):

@@ -1,13 +1,13 @@
 """Compliance: a link that hangs on its drive by a spring and a damper."""
 
 from dataclasses import dataclass
+from math import cos, exp, sin, sqrt
 from typing import ClassVar
 
 import numpy as np
 
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.step import cos, exp, sin, sqrt
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 

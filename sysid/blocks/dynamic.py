@@ -127,13 +127,13 @@ def dynamic(
 
     It reads s.name, x and p.name. Derivatives, compiled code, C and Python are derived from its source.
 
-    A step may use numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, exp, log,
-    sqrt, tanh, logistic, sin, cos, floor, sign, abs, int, min, max, ago(x, n) for the input n samples ago, and small
-    functions of the same kind, no lambdas. States start at zero, or at the values set by `begin(s, x, p)` at the first
-    sample. If Python cannot find the source (at a prompt), give the text of both functions as `step`. The derivative
-    at a switch is that of the branch taken: a parameter that only shifts a jump, or whose branch is never taken, has
-    derivative zero, and no search can estimate it. docs/house.md has an example from the step to the fit and its C
-    code.
+    A step may use numbers, + - * / **, comparisons, and, or, not, if, for _ in range(n), break, return, the functions
+    of `sysid.block.compiler.functions` (exp, log, logistic, sin, floor, abs, min and more; a refused step lists all),
+    ago(x, n) for the input n samples ago, and small functions of the same kind, no lambdas. States start at zero, or at
+    the values set by `begin(s, x, p)` at the first sample. If Python cannot find the source (at a prompt), give the
+    text of both functions as `step`. The derivative at a switch is that of the branch taken: a parameter that only
+    shifts a jump, or whose branch is never taken, has derivative zero, and no search can estimate it. docs/house.md has
+    an example from the step to the fit and its C code.
 
     `parameters` has a start value for each name, several for a row p.name[i]; `bounds` is by name. In a chain
     a parameter is called role.name, so give each block its `role`. `initial` names the

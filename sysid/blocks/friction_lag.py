@@ -1,6 +1,7 @@
 """Speed of a drive with smooth dry friction: voltage in, speed out."""
 
 from dataclasses import dataclass
+from math import tanh
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,6 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.step import tanh
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 

@@ -1,6 +1,7 @@
 """Motor with friction: voltage in, position out, with stiction and end stops."""
 
 from dataclasses import dataclass
+from math import cos, exp, sin
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,7 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.step import advance_lag, ago, cos, exp, floor, sign, sin, time_to_reach
+from sysid.block.step import advance_lag, ago, floor, sign, time_to_reach
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
 

@@ -1,6 +1,7 @@
 """Motor with position-dependent dry friction and load, without stops: voltage in, position out."""
 
 from dataclasses import dataclass, replace
+from math import exp
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
-from sysid.block.step import advance_lag, ago, exp, floor, sign
+from sysid.block.step import advance_lag, ago, floor, sign
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
 

@@ -1,6 +1,7 @@
 """Wavelet network: a line and a sum of wavelets and scaling functions."""
 
 from dataclasses import dataclass
+from math import exp
 from typing import ClassVar
 
 import numpy as np
@@ -9,7 +10,6 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
-from sysid.block.step import exp
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
 

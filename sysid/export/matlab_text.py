@@ -8,10 +8,9 @@ import ast
 from collections.abc import Sequence
 
 from sysid.base.errors import InputError
+from sysid.block.compiler.functions import MATLAB
 
-FUNCTIONS = {"abs": "abs", "min": "min", "max": "max", "int": "fix", "sum": "sum"}
-FUNCTIONS |= {f"math.{name}": name for name in ("exp", "log", "floor", "ceil", "sin", "cos", "tan", "tanh", "sqrt")}
-FUNCTIONS |= {"math.atan2": "atan2", "math.hypot": "hypot", "math.atan": "atan"}
+FUNCTIONS = {f"math.{name}": name for name in ("atan", "atan2", "ceil", "hypot", "tan")} | MATLAB | {"sum": "sum"}
 RESERVED = {"case", "catch", "end", "function", "global", "otherwise", "parfor", "persistent", "switch", "until"}
 PICK = "pick_"  # the function of the file that stands for `a if test else b` within an expression
 

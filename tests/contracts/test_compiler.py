@@ -1,6 +1,6 @@
 """What is derived from a step, against plain Python, against differences and against the exported files."""
 
-import importlib
+import math
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sysid.base.errors import InputError
+from sysid.block import step as language
+from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.recursion import Map, Recursion, Written
 from sysid.block.step import Input
 from sysid.blocks import CoastingPlay, Dynamic, Motor, dynamic
@@ -152,7 +154,7 @@ def test_derivatives_of_every_construct_are_those_of_differences(seed):
     np.testing.assert_allclose(J[smooth], fine[smooth], rtol=0, atol=1e-6 * scale)
 
 
-FUNCTIONS = (
+TERMS = (
     "exp(z)",
     "log(3.0 + z)",
     "sqrt(3.0 + z)",
@@ -164,7 +166,7 @@ FUNCTIONS = (
     "1.0 / (3.0 + z)",
     "-z",
 )
-FUNCTIONS += (
+TERMS += (
     "z ** 3",
     "(3.0 + z) ** p.g",
     "min(z, 0.1)",
@@ -172,11 +174,12 @@ FUNCTIONS += (
     "z if z > 0.1 else 2.0 * z",
     "z * z - p.g",
 )
+TERMS += tuple(f"{name}(0.5 + 0.2 * tanh(z))" for name, f in FUNCTIONS.items() if f.slope)
 
 
 def test_the_derivative_of_each_function_is_that_of_differences():
     """All in one step, each its own output in turn; central differences of 1e-6 are good to 1e-9."""
-    lines = [f"    if p.which == {k}.0:\n        return {f}" for k, f in enumerate(FUNCTIONS)]
+    lines = [f"    if p.which == {k}.0:\n        return {f}" for k, f in enumerate(TERMS)]
     text = "\n".join(["def step(s, x, p):", "    z = p.g * x", *lines, "    return 0.0", ""])
     block = dynamic(text, {"g": 0.8, "which": 0.0})
     x, h = np.array([-1.3, -0.4, 0.55, 1.7]), 1e-6
@@ -184,11 +187,11 @@ def test_the_derivative_of_each_function_is_that_of_differences():
     def output(g, z):
         return block.propagate(np.array([g, which]), z, np.empty((4, 0)), 0)
 
-    for which in map(float, range(len(FUNCTIONS))):
+    for which in map(float, range(len(TERMS))):
         J = np.ones((4, 3))
         block.propagate(np.array([0.8, which]), x, J, 1)
         numeric = [output(0.8, x + h) - output(0.8, x - h), output(0.8 + h, x) - output(0.8 - h, x), np.zeros(4)]
-        np.testing.assert_allclose(J, np.array(numeric).T / (2 * h), atol=1e-8, err_msg=FUNCTIONS[int(which)])
+        np.testing.assert_allclose(J, np.array(numeric).T / (2 * h), atol=1e-8, err_msg=TERMS[int(which)])
 
 
 def test_texts_of_every_construct_agree_with_the_run(tmp_path):
@@ -197,6 +200,17 @@ def test_texts_of_every_construct_agree_with_the_run(tmp_path):
     fit = made(Chain((block,)), theta)
     agrees(python_run(fit, u), fit.model.simulate(theta, u))
     agrees(c_run(fit, u, tmp_path), fit.model.simulate(theta, u))
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_has_one_value_in_the_run_in_constants_and_in_every_file(name, tmp_path):
+    more = ", p.g" if name in ("min", "max") else ""
+    block = dynamic(f"def step(s, x, p):\n    return p.g * x + {name}(x{more}) + {name}(0.6 * p.g{more})\n", {"g": 0.7})
+    fit, x = made(Chain((block,)), np.array([0.7])), np.linspace(0.05, 0.95, 19)
+    value = FUNCTIONS[name].value
+    expected = [0.7 * u + value(u, *[0.7] * bool(more)) + value(0.6 * 0.7, *[0.7] * bool(more)) for u in x.tolist()]
+    for y in (fit.simulate(x), python_run(fit, x), c_run(fit, x, tmp_path)):
+        agrees(y, np.array(expected))
 
 
 def test_an_index_that_a_state_has_driven_anywhere_stays_in_its_row():
@@ -293,7 +307,7 @@ SAME = {  # by their text, with the parameters
 
 def in_python(text, p, x):
     """The text itself, run by Python sample by sample."""
-    space = {k: getattr(importlib.import_module("sysid.block.step"), k) for k in ("floor", "exp", "sqrt", "sign")}
+    space = {**vars(math), **vars(language)}
     exec(text, space)
     s = SimpleNamespace(a=0.0, b=0.0, x=0.0)
     return np.array([space["step"](s, now, p) for now in x])

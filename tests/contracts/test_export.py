@@ -1,5 +1,6 @@
 """Exported models and the closed form against `Fit.simulate`, sample by sample, for every structure with every map."""
 
+import math
 import re
 import subprocess
 import sys
@@ -128,7 +129,7 @@ def test_extreme_levels_do_not_overflow(tmp_path):
 
 def evaluated(lines, x, y):
     """What a person gets who types the formulas of one map into a calculation, at one value of x."""
-    space = {"min": min, "max": max, **vars(step)}  # what a step may call
+    space = {"min": min, "max": max, **vars(math), **vars(step)}  # what a step may call
     joined = re.sub(r"\n  \+", " +", "\n".join(lines))
     for line in joined.split("\n"):
         formula, _, where = line.partition("   where ")

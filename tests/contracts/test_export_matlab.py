@@ -74,7 +74,7 @@ def _smallest(*values):
 
 
 SPACE = {
-    **{name: getattr(math, name) for name in ("floor", "ceil", "sin", "cos", "tan", "tanh", "sqrt")},
+    **vars(math),
     "abs": abs,
     "min": _smallest,
     "max": lambda *values: max(values),

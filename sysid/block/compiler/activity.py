@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, replace
 
+from sysid.block.compiler.functions import FLAT
 from sysid.block.compiler.ir import (
-    FLAT,
     Ago,
     Assign,
     Body,

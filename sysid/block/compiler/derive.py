@@ -1,9 +1,9 @@
 """Expressions as text of the kernels, and their derivatives in the values at the start of a segment; see `tangent`."""
 
-import sys
 from dataclasses import dataclass, field, replace
 
 from sysid.block.compiler.activity import Activity, activity, looks_back, lower_branches, memoryless, names, now
+from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.ir import (
     COMPARISONS,
     Ago,
@@ -64,8 +64,6 @@ def operation(e: Op, a: list[str]) -> str:
         return f"(not {a[0]})"
     if e.op == "if":
         return f"({a[1]} if {a[0]} else {a[2]})"
-    if e.op == "sign":
-        return f"sign({a[0]})"
     return f"{e.op}({', '.join(a)})"
 
 
@@ -74,7 +72,6 @@ Key = tuple[
 ]  # v: a vector by name, p: a parameter, a: one of a row, x: the input, r: an earlier one, y: output
 Coefficient = str | float
 Map = dict[Key, Coefficient]
-_LARGEST = sys.float_info.max
 _FEW = 6  # parameters whose columns are set one by one where no vector stands behind them
 
 
@@ -187,6 +184,8 @@ class Derivatives:
     def _slopes(self, e: Op, a: list[str], own: str):
         """Derivative of the value with respect to each argument, written only if needed."""
         t = self.temporary
+        if e.op in FUNCTIONS:
+            return (lambda: t(FUNCTIONS[e.op].slope.format(a=a[0], own=own)),)
         table = {
             "+": (lambda: 1.0, lambda: 1.0),
             "-": (lambda: 1.0, lambda: -1.0),
@@ -194,14 +193,6 @@ class Derivatives:
             "*": (lambda: _float(a[1]), lambda: _float(a[0])),
             "/": (lambda: t(f"1.0 / {a[1]}"), lambda: t(f"-({own} / {a[1]})")),
             "**": (lambda: t(f"{a[1]} * {a[0]} ** ({a[1]} - 1.0)"), lambda: t(f"{own} * log({a[0]})")),
-            "exp": (lambda: t(f"min({own}, {_LARGEST!r})"),),  # 1 / (1 + exp(z)) has the slope 0 where exp is infinite
-            "log": (lambda: t(f"1.0 / {a[0]}"),),
-            "sqrt": (lambda: t(f"0.5 / {own}"),),
-            "tanh": (lambda: t(f"1.0 - {own} * {own}"),),
-            "logistic": (lambda: t(f"{own} * (1.0 - {own})"),),
-            "sin": (lambda: t(f"cos({a[0]})"),),
-            "cos": (lambda: t(f"-sin({a[0]})"),),
-            "abs": (lambda: t(f"1.0 if {a[0]} > 0.0 else (-1.0 if {a[0]} < 0.0 else 0.0)"),),
         }
         return table[e.op]
 

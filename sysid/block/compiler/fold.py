@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.ir import (
     Assign,
     Body,
@@ -28,7 +29,6 @@ from sysid.block.compiler.ir import (
     rebuilt,
     statements,
 )
-from sysid.block.step import logistic
 
 _LONGEST = 8  # iterations that are tried one by one
 Env = dict[Var, Num]
@@ -326,12 +326,5 @@ def evaluate(op: str, *v: float) -> float:
         "or": lambda a, b: bool(a or b),
         "not": lambda a: not a,
         "if": lambda t, a, b: a if t else b,
-        "logistic": logistic,
-        "floor": lambda a: float(math.floor(a)),
-        "sign": lambda a: math.copysign(1.0, a) if a else 0.0,
-        "abs": abs,
-        "int": int,
-        "min": min,
-        "max": max,
     }
-    return table[op](*v) if op in table else getattr(math, op)(*v)
+    return FUNCTIONS[op].value(*v) if op in FUNCTIONS else table[op](*v)

@@ -3,9 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
-FUNCTIONS = ("exp", "log", "sqrt", "tanh", "logistic", "sin", "cos", "floor", "sign", "abs", "int", "min", "max")
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
-FLAT = ("floor", "sign", "int", "and", "or", "not", *COMPARISONS)  # their derivative is zero wherever they have one
 
 
 @dataclass(frozen=True)
@@ -48,7 +46,7 @@ class Ago:
 
 @dataclass(frozen=True)
 class Op:
-    """+ - * / ** neg, a comparison, and, or, not, one of FUNCTIONS, or `if` (test, value, other value)."""
+    """+ - * / ** neg, a comparison, and, or, not, one of `functions`, or `if` (test, value, other value)."""
 
     op: str
     args: tuple["Expr", ...]

@@ -15,28 +15,24 @@ from types import CodeType, ModuleType
 from sysid.base.locks import sweep_once, temporary_name
 from sysid.block.compiler.activity import delays, hoist_constants, memoryless
 from sysid.block.compiler.derive import show, variable
+from sysid.block.compiler.functions import KERNEL
 from sysid.block.compiler.ir import Assign, Body, Break, For, If, Program, Return
 
 _END = "\n# whole: "  # and a checksum of what stands above
 _HEAD = '''"""Written by sysid.block.compiler from the step of {name}; made again where it is missing."""
 
-from math import cos, exp, inf, log, sin, sqrt, tanh
+from math import inf
 
 import numpy as np
 from numba import njit
-from numpy import floor, sign
 
 from sysid.base.compiled import kernel
 
+{functions}
 PARAMETERS = {params}
 ROWS = {rows}
 STRUCTURE = {consts}
 MEMORYLESS = {memoryless}  # the tangent then also gives the slope
-
-
-@njit(inline="always")
-def logistic(x):
-    return 1.0 / (1.0 + exp(-x))
 
 '''
 
@@ -136,7 +132,12 @@ def source(name: str, program: Program, absent: Mapping[str, float]) -> str:
     """Text of the module of a program."""
     program = hoist_constants(program)
     head = _HEAD.format(
-        name=name, params=program.params, rows=program.rows, consts=program.consts, memoryless=memoryless(program)
+        name=name,
+        functions=KERNEL,
+        params=program.params,
+        rows=program.rows,
+        consts=program.consts,
+        memoryless=memoryless(program),
     )
     text = head + _value(program, absent) + "\n\n" + _tangent(program, absent)
     return f"{text}{_END}{_digest(text)}\n"

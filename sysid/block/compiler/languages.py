@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.ir import (
     COMPARISONS,
     Ago,
@@ -40,10 +41,7 @@ class _C(Text):
         args = [self.show(a, 0, integer) for a in e.args]
         if integer and e.op in ("min", "max"):
             return f"({args[1]} {'<' if e.op == 'min' else '>'} {args[0]} ? {args[1]} : {args[0]})"
-        if e.op == "int":
-            return f"(long long)({args[0]})"
-        names = {"min": "fmin", "max": "fmax", "abs": "fabs", "**": "pow"}
-        return f"{names.get(e.op, e.op)}({', '.join(args)})"
+        return ("pow({})" if e.op == "**" else FUNCTIONS[e.op].c).format(", ".join(args))
 
     def operation(self, e: Op) -> tuple[str, int]:
         if e.op == "**":
@@ -153,10 +151,7 @@ class _Python(Text):
     def call(self, e: Op) -> str:
         integer = e.op in ("min", "max", "abs") and self.integer(e)
         args = [self.show(a, 0, integer) for a in e.args]
-        name = e.op if e.op in ("abs", "min", "max", "int") else f"math.{e.op}"
-        if e.op == "exp":  # which raises beyond 709, where the kernels go on with infinity
-            return f"math.exp(min({args[0]}, 700.0))"
-        return f"{name}({', '.join(args)})"
+        return FUNCTIONS[e.op].python.format(", ".join(args))
 
     def operation(self, e: Op) -> tuple[str, int]:
         if e.op == "**":

@@ -7,7 +7,8 @@ from typing import NoReturn
 
 from sysid.base.errors import InputError
 from sysid.block.compiler.fold import evaluate
-from sysid.block.compiler.ir import FUNCTIONS, Ago, Assign, Const, Expr, Num, Op, Param, Stmt, Var, statements, walk
+from sysid.block.compiler.functions import FUNCTIONS
+from sysid.block.compiler.ir import Ago, Assign, Const, Expr, Num, Op, Param, Stmt, Var, statements, walk
 
 ARITHMETIC = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}

@@ -18,7 +18,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
-from sysid.block.compiler.ir import FUNCTIONS
+from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.kernel import kernels
 from sysid.block.writing import Code, Writer
 

@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from keyword import kwlist
 from typing import ClassVar
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.block.compiler.functions import EXPORTED, FUNCTIONS
 from sysid.block.compiler.ir import (
     COMPARISONS,
     Ago,
@@ -31,91 +33,9 @@ from sysid.block.writing import Code, number
 
 _RANK = {"if": 0, "or": 1, "and": 2, "not": 3, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6}
 _RANK |= {"neg": 7, "**": 8}
-_TAKEN = {  # names that a local variable may not have in either language
-    *[
-        "auto",
-        "break",
-        "case",
-        "char",
-        "const",
-        "continue",
-        "default",
-        "do",
-        "double",
-        "else",
-        "enum",
-        "extern",
-        "float",
-        "for",
-        "goto",
-        "if",
-        "inline",
-        "int",
-        "long",
-    ],
-    *[
-        "register",
-        "restrict",
-        "return",
-        "short",
-        "signed",
-        "sizeof",
-        "static",
-        "struct",
-        "switch",
-        "typedef",
-        "union",
-        "unsigned",
-        "void",
-        "volatile",
-    ],
-    *[
-        "while",
-        "and",
-        "as",
-        "assert",
-        "class",
-        "def",
-        "del",
-        "elif",
-        "except",
-        "finally",
-        "from",
-        "global",
-        "import",
-        "in",
-        "is",
-        "lambda",
-        "nonlocal",
-        "not",
-        "or",
-    ],
-    *[
-        "pass",
-        "raise",
-        "try",
-        "with",
-        "yield",
-        "None",
-        "True",
-        "False",
-        "s",
-        "x",
-        "math",
-        "exp",
-        "log",
-        "sqrt",
-        "tanh",
-        "sin",
-        "cos",
-        "floor",
-        "fabs",
-        "fmin",
-        "fmax",
-        "pow",
-    ],
-    *["abs", "min", "max", "range", "main", "out", "y0", "y1", "yn", "j0", "j1", "jn"],
-}
+_C_WORDS = """auto case char const default do double enum extern float goto inline int long register restrict short
+signed sizeof static struct switch typedef union unsigned void volatile pow main y0 y1 yn j0 j1 jn"""
+_TAKEN = EXPORTED | {*kwlist, *_C_WORDS.split(), "math", "range", "s", "x", "out"}  # names for no variable of a file
 
 
 @dataclass
@@ -244,18 +164,12 @@ class Text:
             return f"{self.words['not']}{self.show(e.args[0], 10)}", rank
         if e.op == "neg":
             return f"-{self.show(e.args[0], 8, self.integer(e))}", rank
-        if e.op == "sign":
-            a = self.show(e.args[0], 5)
-            nested = self.choice(f"{a} < 0.0", number(-1.0), number(0.0))
-            return self.choice(f"{a} > 0.0", number(1.0), f"({nested})"), 0
-        if e.op == "logistic":
-            below = Op("+", (Num(1.0), Op("exp", (Op("neg", e.args),))))
-            return self.operation(Op("/", (Num(1.0), below)))
         if e.op == "if":
             integer = self.integer(e)
             a, b = (self.show(v, 1, integer) for v in e.args[1:])
             return self.choice(self.show(e.args[0], 1), a, b), 0
-        return self.call(e), 10
+        spelt = FUNCTIONS[e.op].spelt if e.op in FUNCTIONS else None
+        return (self.call(e), 10) if spelt is None else self.operation(spelt(*e.args))
 
     def integer(self, e: Expr) -> bool:
         """Whether an expression is a whole number by its kind."""
