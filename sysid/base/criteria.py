@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.quantities import number
+
 
 @dataclass(frozen=True)
 class Criteria:
@@ -31,6 +33,10 @@ class Criteria:
             "N": self.N,
             "d": self.d,
         }
+
+    def brief(self) -> dict[str, str]:
+        """The criteria that stand beside a model where models are compared, by label, as people read them."""
+        return {c.label: number(c.formula(self), 4 if c.squared else 6) for c in TABLE.values() if c.beside}
 
     def __getattr__(self, name: str) -> float:
         if name not in TABLE:
@@ -76,21 +82,23 @@ def _bic(c: Criteria) -> float:
 class Criterion:
     """One criterion: its formula, how people write it, and what it says in one line.
 
-    `squared` marks one that has the unit of y squared; the others are pure numbers.
+    `squared` marks one that has the unit of y squared; the others are pure numbers. `beside` marks one that stands
+    beside a model in a comparison and in a notebook; reports show all.
     """
 
     formula: Callable[[Criteria], float]
     label: str
     meaning: str
     squared: bool = False
+    beside: bool = False
 
 
 TABLE: dict[str, Criterion] = {
-    "fpe": Criterion(_fpe, "FPE", "mean squared error to expect on new data of the same kind", squared=True),
+    "fpe": Criterion(_fpe, "FPE", "mean squared error to expect on new data of the same kind", True, beside=True),
     "aic": Criterion(_aic, "AIC", "likelihood with a penalty on d; compares models on one record, lower is better"),
-    "aicc": Criterion(_aicc, "AICc", "AIC corrected for few samples"),
+    "aicc": Criterion(_aicc, "AICc", "AIC corrected for few samples", beside=True),
     "naic": Criterion(_naic, "nAIC", "AIC per sample, without its constant"),
-    "bic": Criterion(_bic, "BIC", "as AIC, but its penalty grows with N: it prefers smaller models"),
+    "bic": Criterion(_bic, "BIC", "as AIC, but its penalty grows with N: it prefers smaller models", beside=True),
 }
 
 

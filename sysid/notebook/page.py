@@ -170,7 +170,7 @@ def rmse_in_words(fit: Fit | NlarxFit) -> str:
 def criteria_in_words(fit: Fit | NlarxFit) -> str:
     """The criteria that compare models, and what they count."""
     c = fit.criteria
-    return f"FPE {number(c.fpe)}, AICc {number(c.aicc, 6)}, BIC {number(c.bic, 6)}, d {c.d} of {c.N} samples"
+    return ", ".join([*map(" ".join, c.brief().items()), f"d {c.d} of {c.N} samples"])
 
 
 def search_in_words(fit: Fit | NlarxFit) -> str:

@@ -180,12 +180,12 @@ class ComparisonView:
                 number(r.rmse * q.factor),
                 "–" if r.one_step is None else percent(r.one_step),
                 str(r.criteria.d),
-                number(r.criteria.aicc, 6),
-                number(r.criteria.bic, 6),
+                *r.criteria.brief().values(),
             )
             for r in table.rows
         ]
-        headings = ("", "model", "search", "free run", q.label, "one step ahead", "d", "AICc", "BIC")
+        labels = table.rows[0].criteria.brief()
+        headings = ("", "model", "search", "free run", q.label, "one step ahead", "d", *labels)
         facts = [
             ("scored", f"{table.scored} samples; the first {table.n_init} of each experiment give the initial state")
         ]

@@ -69,13 +69,14 @@ class Comparison(Shown):
 
     def __str__(self) -> str:
         q = display_quantity("RMSE", self.y_unit)
-        head = ("", "model", "free run %", q.label, "one step %", "d", "AICc", "BIC", "FPE", "s", "search")
+        head = ("", "model", "free run %", q.label, "one step %", "d", *self.rows[0].criteria.brief(), "s", "search")
         table = [head, *(_cells(r, q.factor) for r in self.rows)]
         widths = [max(len(row[i]) for row in table) for i in range(len(head))]
         lines = []
         for row in table:
             cells = [
-                c.ljust(w) if i in (1, 10) else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True))
+                c.ljust(w) if i in (1, len(row) - 1) else c.rjust(w)
+                for i, (c, w) in enumerate(zip(row, widths, strict=True))
             ]
             lines.append("  ".join(cells).rstrip())
         explanation = [self.numbered] if self.numbered else []
@@ -208,16 +209,13 @@ def _numbered_names(names: list[str]) -> list[str]:
 
 
 def _cells(r: Row, factor: float) -> tuple[str, ...]:
-    c = r.criteria
     one_step = "-" if r.one_step is None else f"{r.one_step:.2f}"
     end = "converged" if r.converged else "not converged"
     numbers = (
         f"{r.fit:.2f}",
         f"{r.rmse * factor:.4g}",
         one_step,
-        str(c.d),
-        f"{c.aicc:.1f}",
-        f"{c.bic:.1f}",
-        f"{c.fpe:.4g}",
+        str(r.criteria.d),
+        *r.criteria.brief().values(),
     )
     return (str(r.rank), r.label, *numbers, f"{r.seconds:.2f}", end)

@@ -1,13 +1,17 @@
 """Comparison, cross-validation and higher-order residual tests."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import shown
 from scipy.signal import lfilter
 
 import sysid
+from sysid.base.criteria import TABLE, Criterion
 from sysid.excitations import Aprbs
+from sysid.notebook.page import criteria_in_words
 from sysid.systems import system
 
 INPUTS = {
@@ -100,6 +104,20 @@ def test_comparison_ranks_free_runs_and_scores_all_on_the_same_samples():
     assert "RMSE [deg]" in shown[0]
     assert f"{np.degrees(table.rows[0].rmse):.4g}" in shown[1].split()
     assert table.as_dict()["rows"][0]["criteria"]["d"] == fits[1].criteria.d
+
+
+def test_a_criterion_that_is_marked_stands_beside_every_model_and_no_other_does(monkeypatch):
+    """At a prompt and in a notebook; 6 digits of a likelihood, 4 of what has the unit of y squared."""
+    table = sysid.compare(shown.data(), shown.fit(), shown.linear())
+    monkeypatch.setitem(TABLE, "new", Criterion(lambda c: 123.4567 * c.d, "NEW", "one more", beside=True))
+    d = table.rows[0].criteria.d
+    value = f"{123.4567 * d:.6g}"
+    head, first, *_ = str(table).splitlines()
+    assert head.split()[-6:] == ["FPE", "AICc", "BIC", "NEW", "s", "search"]
+    assert value in first.split()
+    assert f"NEW {123.4567 * shown.fit().criteria.d:.6g}, d " in criteria_in_words(shown.fit())
+    assert "<th>NEW</th>" in re.sub(r"<th[^>]*>", "<th>", table._repr_html_())
+    assert value in table._repr_html_()
 
 
 def test_comparison_names_what_is_wrong():
