@@ -46,7 +46,8 @@ class ReportFigure:
     """One figure of the report of `qpal identify`, described from an evaluation; other reports may use it.
 
     `figure` may take options from another report. The axes of a figure name their units, unless it shows only `pure`
-    numbers. `zoomed` is another description for the figure that zooms, where that shows more than a picture can.
+    numbers. `zoomed` is another description for the figure that zooms, where that shows more than a picture can. `tab`
+    is its title as a tab of `qpal app`, which leaves out figures without.
     """
 
     section: SectionTitle
@@ -55,6 +56,7 @@ class ReportFigure:
     applies: Callable[[Evaluation], bool] = lambda e: True
     pure: bool = False
     zoomed: Callable[[Evaluation], Figure] | None = None
+    tab: str = ""
 
     def draw(self, evaluation: Evaluation) -> list[Axes]:
         """The picture's axes."""
@@ -298,19 +300,28 @@ def _residuals_caption(e: Evaluation) -> str:
 
 TABLE: dict[str, ReportFigure] = {
     "data": ReportFigure("Data", lambda e: parts_figure(e.estimation, e.validation), data_caption),
-    "free-run": ReportFigure("Model output", _free_run_figure, _free_run_caption, zoomed=joined_figure),
+    "free-run": ReportFigure("Model output", _free_run_figure, _free_run_caption, zoomed=joined_figure, tab="Free run"),
     "close-up": ReportFigure(
         "Model output",
         lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME),
         lambda e: "Close-up of the first whole upper and lower peak of the validation data.",
     ),
-    "pole-zero": ReportFigure("Model", _roots_figure, _roots_caption, lambda e: e.linear, pure=True),
-    "step-response": ReportFigure("Model", _step_figure, _step_caption, lambda e: e.step is not None),
-    "bode": ReportFigure("Model", _bode_figure, bode_caption, lambda e: bands(e).frequency is not None),
-    "static-maps": ReportFigure("Model", _maps_figure, _maps_caption, lambda e: bool(e.maps)),
-    "values": ReportFigure("Model", lambda e: values_figure(e.values), _values_caption, lambda e: bool(e.values)),
-    "growth": ReportFigure(
-        "Model", _growth_figure, _growth_caption, lambda e: e.growth is not None and bool(e.growth.steps), pure=True
+    "pole-zero": ReportFigure("Model", _roots_figure, _roots_caption, lambda e: e.linear, pure=True, tab="Poles"),
+    "step-response": ReportFigure("Model", _step_figure, _step_caption, lambda e: e.step is not None, tab="Step"),
+    "bode": ReportFigure("Model", _bode_figure, bode_caption, lambda e: bands(e).frequency is not None, tab="Bode"),
+    "static-maps": ReportFigure("Model", _maps_figure, _maps_caption, lambda e: bool(e.maps), tab="Static maps"),
+    "values": ReportFigure(
+        "Model", lambda e: values_figure(e.values), _values_caption, lambda e: bool(e.values), tab="Physical values"
     ),
-    "residuals": ReportFigure("Residual tests", _residuals_figure, _residuals_caption, lambda e: e.tests is not None),
+    "growth": ReportFigure(
+        "Model",
+        _growth_figure,
+        _growth_caption,
+        lambda e: e.growth is not None and bool(e.growth.steps),
+        pure=True,
+        tab="Parts",
+    ),
+    "residuals": ReportFigure(
+        "Residual tests", _residuals_figure, _residuals_caption, lambda e: e.tests is not None, tab="Residuals"
+    ),
 }

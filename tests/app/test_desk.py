@@ -14,11 +14,12 @@ from app_served import PATIENCE, write_log
 import sysid
 from sysid.base.errors import InputError
 from sysid.drawing.plotly import base_layout
+from sysid.report.figures import TABLE
 from twin.app import jobs as jobs_module
 from twin.app import tasks
 from twin.app.desk import Desk, script
 from twin.app.entries import Data, Model, Prepare, Setting
-from twin.app.figures import stack_panels
+from twin.app.figures import stack_panels, tab_of
 from twin.app.jobs import CANCELLED, DONE, FAILED, WAITING, Jobs
 from twin.app.session import Session
 
@@ -72,6 +73,8 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     assert any("Butterworth" in note for note in model.notes)
     drawn = desk.figures("models", "m1")
     assert {"free-run", "residuals", "pole-zero", "bode", "step-response"} <= set(drawn)
+    assert [*drawn] == [name for name, figure in TABLE.items() if figure.tab and name in drawn]
+    assert [*map(tab_of, ("pole-zero", "free-run", "run"))] == ["Poles", "Free run", "Run"]
     assert all(each["caption"] for each in drawn.values())
     runs = desk.runs("m1")
     assert runs.t[0] == 1.0

@@ -25,35 +25,28 @@ if TYPE_CHECKING:
     from twin.calibrate.result import Calibration
     from twin.compare.comparison import Comparison
 
-TITLES = {  # of the tabs, in their order; names of `sysid.report.figures.TABLE`
-    "free-run": "Free run",
-    "residuals": "Residuals",
-    "static-maps": "Static maps",
-    "pole-zero": "Poles",
-    "bode": "Bode",
-    "step-response": "Step",
-    "values": "Physical values",
-    "growth": "Parts",
-}
-
 
 def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Plotly], list[str]]:
-    """Every zoomable figure of the report that this model has, with its caption, and why a figure is missing.
+    """Every figure of the report that has a tab and fits this model, with its caption, and why one is missing.
 
     Free runs are on the record's own levels, over the time of the log, in which the fitted range begins at `start` [s].
     """
     drawings, complaints = dict[str, Plotly](), list[str]()
-    for name, title in TITLES.items():
-        kind = TABLE[name]
-        if not kind.applies(e):
+    for name, kind in TABLE.items():
+        if not kind.tab or not kind.applies(e):
             continue
         try:
             figure = kind.zoom(e)
             figure = _shift_time(figure, start) if name == "free-run" else figure
             drawings[name] = {"figure": figure, "caption": kind.caption(e)}
         except (InputError, np.linalg.LinAlgError) as error:
-            complaints.append(f"no figure '{title}': {error}")
+            complaints.append(f"no figure '{kind.tab}': {error}")
     return drawings, complaints
+
+
+def tab_of(name: str) -> str:
+    """The title of a figure's tab; figures of studies stand in no table."""
+    return TABLE[name].tab if name in TABLE else "Run"
 
 
 def _shift_time(figure: Plotly, start: float) -> Plotly:

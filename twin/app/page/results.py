@@ -148,7 +148,7 @@ class DetailPanel(Panel):
         first = self.view.tab if self.view.tab in entries else next(iter(entries))
         with ui.tabs().classes("w-full qpal-tabs").props("dense no-caps align=left") as tabs:
             for name in entries:
-                ui.tab(name, figures.TITLES.get(name, "Run")).props(f"data-mark=tab-{name}")
+                ui.tab(name, figures.tab_of(name)).props(f"data-mark=tab-{name}")
         with ui.tab_panels(tabs, value=first, animated=False).classes("w-full") as panels:
             for name, entry in entries.items():
                 with ui.tab_panel(name).classes("q-pa-none"):
