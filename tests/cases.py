@@ -11,6 +11,7 @@ import scipy.io
 
 import sysid
 from sysid.blocks import (
+    STATIC,
     BowedGain,
     Channels,
     CoastingPlay,
@@ -36,7 +37,6 @@ from sysid.blocks import (
     TransferFunction,
     TransferMatrix,
     TravelMap,
-    UnitGain,
     WaveletNetwork,
     Wrap,
     dynamic,
@@ -157,12 +157,16 @@ BLOCKS = {
         np.array([0.8, -0.6, 0.2, 0.5, 0.3, -0.8, 0.1, 0.9, -1.2, 0.5, 0.2, -0.3, 0.4, 0.55, 0.1, -0.2]),
     ),
     "travel_map": (TravelMap(knots=5, role="map"), np.array([-0.8, 1.1, 0.3, 0.45, 0.8])),
-    "unit_gain": (UnitGain(role="map"), np.empty(0)),
     "wavelet_network": (
         WaveletNetwork(wavelets=2, scaling=1, role="map"),
         np.array([0.2, 0.9, 0.6, -0.8, 0.7, 1.3, 2.1, 0.9, -0.8, 0.6, 0.3]),
     ),
     "wrap": (Wrap(turn=1.5, low=-0.4, role="map"), np.empty(0)),
+}
+BLOCKS |= {  # a map without a line above stands beside its start
+    name: (kind(role="map"), kind().vary(kind().start(np.linspace(-2.0, 2.0, 101)), np.random.default_rng(0)))
+    for name, kind in STATIC.items()
+    if name not in BLOCKS
 }
 # Further options of the same blocks; they meet the same contracts.
 VARIANTS = {
