@@ -22,7 +22,7 @@ from sysid.estimation.result import Fit
 from sysid.joint.course import LONG, TOPS, Course
 from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, weak_inputs
 from sysid.joint.sampling import LONGEST_DELAY, rate_needed
-from sysid.joint.values import JointValue, in_unit, joint_values
+from sysid.joint.values import JointValue, joint_values
 
 TARGETS = {
     "ends": ("end_low", "end_high", "speed_per_volt"),
@@ -149,8 +149,8 @@ def design(
         course.Ts,
         tuple(work.phases),
         float(np.abs(np.diff(y)).max()) / course.Ts,
-        in_unit(current_values, data.y_unit),
-        in_unit(expected_values, data.y_unit),
+        current_values,
+        expected_values,
         (data.u_unit, data.y_unit),
         (
             *unseen_ends(course, data),

@@ -1,6 +1,6 @@
 """Physical values of an identified actuated joint: speeds, voltages, angles and times, with intervals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +41,12 @@ class JointValue:
         """Whether the interval contains `truth`; False if there is no interval."""
         return self.low is not None and self.high is not None and self.low <= truth <= self.high
 
+    def __str__(self) -> str:
+        """Value, interval and unit as people read them."""
+        shown, number = displayed_value(self), quantities.number
+        span = "" if shown.low is None or shown.high is None else f" ({number(shown.low)} to {number(shown.high)})"
+        return f"{self.name.replace('_', ' ')}: {number(shown.value)}{span} {shown.unit}".rstrip()
+
 
 @checked(late=True)
 def joint_values(
@@ -50,8 +56,8 @@ def joint_values(
 
     speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load,
     static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in
-    motion), end_low and end_high [y], backlash [y], delay [s]; y in the record's unit. Without `stribeck` static and
-    moving friction are equal.
+    motion), end_low and end_high [y], backlash [y], delay [s]; y is the unit of the record where one is given. Without
+    `stribeck` static and moving friction are equal.
 
     Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
     residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see
@@ -79,7 +85,7 @@ def joint_values(
         raise InputError(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
-    readings = _readings(chain, fit.Ts)
+    readings = _readings(chain, fit.Ts, (data and data.y_unit) or "y")
     support, dry = None, 0.0
     if data is None:
         plain = white_spread(fit, level)
@@ -114,15 +120,10 @@ def joint_values(
     return tuple(values)
 
 
-def in_unit(values: tuple[JointValue, ...], unit: str) -> tuple[JointValue, ...]:
-    """The values with the output's unit in place of y; as they are where it has none."""
-    if not unit:
-        return values
-
-    def named(unit_text: str) -> str:
-        return "/".join(unit if part == "y" else part for part in unit_text.split("/"))
-
-    return tuple(replace(v, unit=named(v.unit)) for v in values)
+def distinct_values(values: Sequence[JointValue]) -> list[JointValue]:
+    """The values without the friction in motion of a way whose moving friction, the same number, is among them."""
+    moving = {v.name.replace("moving_friction", "coulomb") for v in values}
+    return [v for v in values if v.name not in moving or not v.name.startswith("coulomb")]
 
 
 def displayed_value(value: JointValue) -> JointValue:
@@ -172,8 +173,8 @@ def _nonlinearity_share(name: str, value: float, chain: Chain, theta: np.ndarray
 Reading = tuple[str, Callable[[np.ndarray], float], float]
 
 
-def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
-    """Unit, function of theta, and smallest possible value of every quantity of the chain."""
+def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
+    """Unit, function of theta, and smallest possible value of every quantity of the chain, whose output is in `y`."""
     motor = motor_of(chain)
     travel = travel_of(chain)
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
@@ -190,7 +191,7 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
     servo = isinstance(motor, ServoMotor)
     volts = "duty" if servo and chain.fixed.get(f"{motor.role}.limit") == 1.0 else "V"
     readings: dict[str, Reading] = {
-        "speed_per_volt": ("y/s/V", speed, -np.inf),
+        "speed_per_volt": (f"{y}/s/V", speed, -np.inf),
         "time_constant": ("s", lambda theta: of("lag")(theta) * Ts, 0.0),
         "breakaway_up": (volts, lambda theta: held(theta, 1, True), -np.inf),
         "breakaway_down": (volts, lambda theta: held(theta, -1, True), -np.inf),
@@ -198,18 +199,18 @@ def _readings(chain: Chain, Ts: float) -> dict[str, Reading]:
         "coulomb_down": (volts, lambda theta: held(theta, -1, False), -np.inf),
     }
     if travel is not None:
-        readings["end_low"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
-        readings["end_high"] = ("y", lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
+        readings["end_low"] = (y, lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
+        readings["end_high"] = (y, lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
     elif motor.stops:
-        readings["end_low"], readings["end_high"] = ("y", of("lower"), -np.inf), ("y", of("upper"), -np.inf)
+        readings["end_low"], readings["end_high"] = (y, of("lower"), -np.inf), (y, of("upper"), -np.inf)
     if play is not None:
-        readings["backlash"] = ("y", lambda theta: float(chain.part(theta, play)[0]), 0.0)
+        readings["backlash"] = (y, lambda theta: float(chain.part(theta, play)[0]), 0.0)
     if servo:
         del readings["speed_per_volt"]
-        readings = {"speed_full_drive": ("y/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | readings
-        readings["kp"] = (f"{volts}/y", of("kp"), 0.0)
+        readings = {"speed_full_drive": (f"{y}/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | readings
+        readings["kp"] = (f"{volts}/{y}", of("kp"), 0.0)
         if f"{motor.role}.kd" in chain.names:
-            readings["kd"] = (f"{volts} s/y", lambda theta: of("kd")(theta) * Ts, 0.0)
+            readings["kd"] = (f"{volts} s/{y}", lambda theta: of("kd")(theta) * Ts, 0.0)
     if motor.delayed:
         readings["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
     return readings

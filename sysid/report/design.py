@@ -9,10 +9,10 @@ from sysid.base.files import versions
 from sysid.base.quantities import display_quantity
 from sysid.drawing.figure import Figure, Span
 from sysid.joint.design import Design
-from sysid.joint.values import JointValue
+from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import WORDS, decimals, distinct_values, value_cells
+from sysid.report.sections import WORDS, decimals, value_cells
 from sysid.workflow.design import Proposal
 
 COLOURS = (style.MODEL, style.SECOND, style.INPUT)

@@ -20,6 +20,7 @@ from sysid.drawing.axes import draw
 from sysid.drawing.figure import Figure, Rule
 from sysid.drawing.plotly import Plotly, plotly
 from sysid.joint.growth import MARGIN
+from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import Run, as_outputs, close_ups_figure, parts_of_run_figure, runs_figure
 from sysid.plots.pole_zero import roots_figure
 from sysid.plots.records import parts_figure
@@ -29,7 +30,7 @@ from sysid.plots.static_maps import Words, maps_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.joint import growth_figure, hatched, values_figure
 from sysid.report.page import Picture
-from sysid.report.sections import distinct_values, one_step
+from sysid.report.sections import one_step
 from sysid.report.verdict import tests_in_words
 from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.results import Evaluation, single_channels

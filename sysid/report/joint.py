@@ -9,9 +9,9 @@ from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
 from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.rounds import Step
-from sysid.joint.values import JointValue
+from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.earned import Bar, earned_figure
-from sysid.report.sections import WORDS, distinct_values
+from sysid.report.sections import WORDS
 
 PARTS = {
     "stribeck": "Stribeck",

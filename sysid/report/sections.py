@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.quantities import display_quantity, number, percent, pole
-from sysid.joint.values import JointValue
+from sysid.joint.values import JointValue, distinct_values
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.plots.responses import note_sentences
 from sysid.report.page import Grid
@@ -55,12 +55,6 @@ def values_grid(evaluation: Evaluation, caption: str = "Physical values with 95 
         return None
     rows = [(WORDS.get(v.name, v.name), *value_cells(v)) for v in distinct_values(evaluation.values)]
     return Grid(("", "value", "95 % interval", "unit"), rows, caption, last_text=True)
-
-
-def distinct_values(values: Sequence[JointValue]) -> list[JointValue]:
-    """The values without the friction in motion of a way whose moving friction, the same number, is among them."""
-    moving = {v.name.replace("moving_friction", "coulomb") for v in values}
-    return [v for v in values if v.name not in moving or not v.name.startswith("coulomb")]
 
 
 def value_cells(v: JointValue) -> tuple[str, str, str]:

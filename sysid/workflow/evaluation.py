@@ -15,7 +15,7 @@ from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_or
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
-from sysid.joint.values import JointValue, in_unit, joint_values
+from sysid.joint.values import JointValue, joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
 from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
@@ -124,7 +124,7 @@ def evaluate_fit(
         maps=_maps(chain, estimation) if chain else {},
         roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
         one_step=_one_step(network, estimation, validation) if network else None,
-        values=_values(chain, estimation, physics) if chain and physics is not None else (),
+        values=joint_values(chain, data=estimation, **physics) if chain and physics is not None else (),
         notes=tuple(notes),
         inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
         outputs=_outputs(chain, estimation, validation, output_fits, output_tests) if chain and several else (),
@@ -203,11 +203,6 @@ def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
         return intervals.poles(information(fit, data, lags="auto" if coloured else None))
     except InputError:
         return None
-
-
-def _values(fit: Fit, data: IOData, options: dict[str, Any]) -> tuple[JointValue, ...]:
-    """Physical values with the output's unit in place of y."""
-    return in_unit(joint_values(fit, data=data, **options), data.y_unit)
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:

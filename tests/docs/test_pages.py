@@ -147,7 +147,7 @@ def test_commands_run(page, tmp_path, monkeypatch):
     if page == "tutorial.md":
         fits = {name: json.loads(Path(name, "summary.json").read_text())["fit_percent"] for name in ("first", "joint")}
         assert 80.0 < fits["first"]["estimation"] < 95.0
-        assert fits["first"]["validation"] < 10.0  # another optimum on another processor: none is of use
+        assert fits["first"]["validation"] < 70.0
         assert min(fits["joint"].values()) > 98.0
 
 

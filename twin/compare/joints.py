@@ -6,7 +6,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.joint.growth import grow_joint
-from sysid.joint.values import JointValue, joint_values
+from sysid.joint.values import JointValue, distinct_values, joint_values
 
 # Which effect a value belongs to.
 EFFECTS = {
@@ -65,7 +65,7 @@ def pairs(log: IOData, response: IOData, seed: int = 0, starts: int = 2) -> tupl
     ):  # one side tells time constant and delay as one value
         log_values, response_values = _sum_lag_and_delay(log_values), _sum_lag_and_delay(response_values)
     by_name = {value.name: value for value in response_values}
-    return tuple(Pair(value.name, value, by_name[value.name]) for value in log_values if value.name in by_name)
+    return tuple(Pair(value.name, value, by_name[value.name]) for value in distinct_values(log_values) if value.name in by_name)
 
 
 def _sum_lag_and_delay(values: tuple[JointValue, ...]) -> tuple[JointValue, ...]:

@@ -257,7 +257,7 @@ def pair_table(result: Comparison) -> Grid:
 
 
 def _pair_row(pair: Pair) -> tuple[str, ...]:
-    unit = display_quantity("", pair.log.unit.replace("y", "rad"))
+    unit = display_quantity("", pair.log.unit)
     sides = [(number(unit.factor * v.value, 4), interval(v, unit.factor, "–")) for v in (pair.log, pair.other)]
     effect = TABLE[EFFECTS[pair.name]].words
     return (pair.name.replace("_", " "), effect, *sides[0], *sides[1], unit.unit, "yes" if pair.apart else "no")
