@@ -36,6 +36,7 @@ LETTERS = "abcdefghijklmnopqrstuvwxyz"
 MARKS = {"dot": "o", "cross": "x", "ring": "o", "plus": "+", "up": "^", "down": "v"}
 DASHES = {"solid": "-", "dot": ":", "dash": "--"}
 SMALL = 7.5  # letters of a note [point]
+GROUND = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 0.5}  # of words, under which no curve runs
 LETTER = 0.07  # width of a letter of a label [inch]
 
 
@@ -61,11 +62,24 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
         if k % columns == 0 or len(figure.panels) > 1:
             ax.set_ylabel(_wrapped(panel.y.label, figure.height / rows))
         _set_axes(ax, panel, view)
-        if figure.legend in ("panels", "inside") and ax.get_legend_handles_labels()[0]:
-            ax.legend() if figure.legend == "inside" else style.legend(ax)
+        if figure.legend == "panels" and ax.get_legend_handles_labels()[0]:
+            style.legend(ax)
+    for mark in figure.marks:
+        if isinstance(mark, Rule) and mark.sides is not None:
+            _draw_sides(found[0], mark.at, mark.sides)
     if figure.legend in ("above", "below"):
         _draw_common_legend(found[0], figure.legend, axes is None)
     return found
+
+
+def _draw_sides(ax: Axes, at: float, sides: tuple[str, str]) -> None:
+    """The words on both sides of a line through all panels, in the first one, which gets room for them over its data."""
+    scale = ax.yaxis.get_transform()
+    bottom, top = scale.transform(np.array(ax.get_ylim()))
+    ax.set_ylim(top=float(scale.inverted().transform(top + 0.08 * (top - bottom))))
+    place: dict[str, Any] = {"xycoords": ax.get_xaxis_transform(), "textcoords": "offset points", "va": "top"}
+    for words, side in zip(sides, ("right", "left"), strict=True):
+        ax.annotate(words, (at, 1.0), (-4 if side == "right" else 4, -2), ha=side, fontsize=SMALL, **place)
 
 
 def _wrapped(label: str, height: float) -> str:
@@ -109,7 +123,7 @@ def _set_axes(ax: Axes, panel: Panel, view: View | None) -> None:
     if panel.x.tight:
         ax.margins(x=0.005)
     if note:
-        ax.text(0.01, 0.02, note, transform=ax.transAxes, fontsize=SMALL, color=style.SECOND, wrap=True)
+        ax.text(0.01, 0.02, note, transform=ax.transAxes, fontsize=SMALL, color=style.SECOND, bbox=GROUND, wrap=True)
 
 
 def _values(panel: Panel) -> list[np.ndarray]:
@@ -204,11 +218,9 @@ def _ranges(ax: Axes, item: Ranges) -> None:
 
 
 def _rule(ax: Axes, item: Rule) -> None:
-    look: dict[str, Any] = {"color": item.colour, "linewidth": item.width, "linestyle": DASHES[item.dash], "zorder": 1}
+    look: dict[str, Any] = {"color": item.colour, "linewidth": item.width, "linestyle": DASHES[item.dash]}
+    look["zorder"] = 1.5  # over bars, under lines
     (ax.axvline if item.upright else ax.axhline)(item.at, label=item.label or None, **look)
-    place: dict[str, Any] = {"xycoords": ax.get_xaxis_transform(), "textcoords": "offset points", "va": "top"}
-    for words, side in zip(item.sides or (), ("right", "left"), strict=False):
-        ax.annotate(words, (item.at, 1.0), (-4 if side == "right" else 4, -2), ha=side, fontsize=SMALL, **place)
 
 
 def _span(ax: Axes, item: Span) -> None:

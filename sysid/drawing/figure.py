@@ -239,8 +239,8 @@ class Figure:
     """Panels, row by row in `columns`; over one horizontal axis, that of the last one, where it is `shared`.
 
     `height` [inch] is that of a picture, whose titles are `lettered` (a), (b), ... `marks` go through all panels, and
-    `said` are sentences for the caption. The legend of a picture stands over each panel, "inside" it, or once "above"
-    or "below" all.
+    `said` are sentences for the caption. The legend of a picture stands over each panel, or once "above" or
+    "below" all.
     """
 
     panels: Sequence[Panel]
@@ -250,7 +250,7 @@ class Figure:
     lettered: bool = False
     marks: Sequence[Rule | Span] = ()
     said: Sequence[str] = ()
-    legend: Literal["panels", "inside", "above", "below"] = "panels"
+    legend: Literal["panels", "above", "below"] = "panels"
 
 
 def borders(lengths: Sequence[int], Ts: float, start: float = 0.0) -> list[Rule]:

@@ -211,7 +211,7 @@ def _shape(item: Rule | Span, panel: Panel | None, place: dict[str, str]) -> Plo
         **({"name": item.label} if item.label else {}),
     }
     if isinstance(item, Rule):
-        layer = "above" if panel is None else "below"
+        layer = "above" if panel is None or any(isinstance(i, Bars) for i in panel.items) else "below"
         return shape | {"type": "line", "layer": layer, "line": {"color": item.colour, "width": 1, "dash": item.dash}}
     return shape | area_fill(item.colour) | {"type": "rect", "line": {"width": 0}, "layer": "below"}
 
@@ -220,7 +220,7 @@ def _sides(rule: Rule) -> list[Plotly]:
     """The words on both sides of a line through all panels."""
     if rule.sides is None:
         return []
-    place = {"x": rule.at, "xref": "x", "y": 1, "yref": "paper", "yanchor": "top", "showarrow": False}
+    place = {"x": rule.at, "xref": "x", "y": 1, "yref": "paper", "yanchor": "bottom", "showarrow": False}
     words = zip((f"{rule.sides[0]} ", f" {rule.sides[1]}"), ("right", "left"), strict=True)
     return [{"text": text, "xanchor": anchor, "font": {"size": 11}, **place} for text, anchor in words]
 

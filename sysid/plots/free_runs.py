@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -149,9 +150,15 @@ def parts_of_run_figure(estimation: Run, validation: Run, one_step: Run | None =
     return Figure(panels, shared=False, height=1.8 * len(panels), lettered=True)
 
 
-def free_runs_figure(runs: Sequence[Run], seconds: float | None = None, time: str = TIME) -> Figure:
-    """Measured output and free run of each model in a panel."""
-    panels = [run_panel(run, first(run.data, seconds), time) for run in runs]
+def free_runs_figure(
+    runs: Sequence[Run],
+    seconds: float | None = None,
+    time: str = TIME,
+    colours: Sequence[str] = (style.MODEL,),
+) -> Figure:
+    """Measured output and free run of each model in a panel, in `colours` by turns."""
+    shown = zip(runs, cycle(colours), strict=False)
+    panels = [run_panel(run, first(run.data, seconds), time, colour) for run, colour in shown]
     return Figure(panels, height=0.5 + 1.9 * len(runs))
 
 
@@ -278,13 +285,16 @@ def as_outputs(data: IOData, run: np.ndarray) -> np.ndarray:
 
 
 def _first_peak(y: np.ndarray) -> int:
-    """Middle of the first segment in which y is in the top 15 % of its range.
+    """Middle of the first segment in which y is in the top 15 % of its range, or in a larger part where there is none.
 
     A segment at an end of the record shows only a fall or a rise; it counts where there is no other.
     """
-    high = np.concatenate([[False], y >= y.max() - 0.15 * np.ptp(y), [False]])
-    starts, stops = np.flatnonzero(np.diff(high.astype(int)) == 1), np.flatnonzero(np.diff(high.astype(int)) == -1)
-    complete = np.flatnonzero((starts > 0) & (stops < len(y)))
+    for share in (0.15, 0.3, 0.45):
+        high = np.concatenate([[False], y >= y.max() - share * np.ptp(y), [False]])
+        starts, stops = np.flatnonzero(np.diff(high.astype(int)) == 1), np.flatnonzero(np.diff(high.astype(int)) == -1)
+        complete = np.flatnonzero((starts > 0) & (stops < len(y)))
+        if len(complete):
+            break
     k = int(complete[0]) if len(complete) else 0
     return int(starts[k] + stops[k]) // 2
 

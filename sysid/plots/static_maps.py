@@ -12,7 +12,7 @@ from sysid.base.checks import checked
 from sysid.base.quantities import display_quantity
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Line, Panel
-from sysid.plots.responses import curve_items, in_small
+from sysid.plots.responses import curve_items, in_small, note_sentences
 from sysid.uncertainty.curves import NORMALISED, Curve
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def static_curve(curve: Curve, axes: Axes | None = None, words: Words | None = N
     On the normalised scale the dashed diagonal is the linear map; on a map's own scale there is no diagonal. `words`
     replace the title and the axis labels.
     """
-    return draw(Figure([_panel(curve, words or words_of(curve))], shared=False, height=4.0, legend="inside"), axes)[0]
+    return draw(Figure([_panel(curve, words or words_of(curve))], shared=False, height=4.0), axes)[0]
 
 
 @checked(deferred=("axes",))
@@ -42,7 +42,8 @@ def static_maps(
 def maps_figure(curves: Sequence[Curve], words: Mapping[str, Words] | None = None) -> Figure:
     """Every map of a chain beside the others; `words` by role."""
     panels = [_panel(curve, (words or {}).get(curve.role) or words_of(curve)) for curve in curves]
-    return Figure(panels, len(panels), shared=False, height=2.8, legend="inside")
+    sentences = [text for curve in curves for text in note_sentences(f"all of the {curve.role} map", curve.band.note)]
+    return Figure(panels, len(panels), shared=False, height=3.3, legend="above", said=sentences)
 
 
 @checked(deferred=("axes",))
@@ -57,7 +58,7 @@ def _panel(curve: Curve, words: Words) -> Panel:
     """A map over its signal."""
     b, (title, x_name, y_name) = curve.band, words
     x, y = display_quantity(x_name, curve.x_unit), display_quantity(y_name, curve.y_unit)
-    items = curve_items(b, f"{curve.role} map", x.factor, y.factor)
+    items = curve_items(b, "map", x.factor, y.factor)
     if curve.scale == NORMALISED:
         ends = np.array([b.x[0], b.x[-1]])
         items.append(Line(ends * x.factor, ends * y.factor, "no nonlinearity", style.SECOND, 1.0, dash=True))

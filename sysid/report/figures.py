@@ -21,7 +21,7 @@ from sysid.drawing.figure import Figure, Rule
 from sysid.drawing.plotly import Plotly, plotly
 from sysid.joint.growth import MARGIN
 from sysid.joint.values import distinct_values
-from sysid.plots.free_runs import Run, as_outputs, close_ups_figure, parts_of_run_figure, runs_figure
+from sysid.plots.free_runs import as_outputs, close_ups_figure, runs_figure
 from sysid.plots.pole_zero import roots_figure
 from sysid.plots.records import parts_figure
 from sysid.plots.residual_tests import residuals_figure
@@ -47,8 +47,7 @@ class ReportFigure:
     """One figure of the report of `qpal identify`, described from an evaluation; other reports may use it.
 
     `figure` may take options from another report. The axes of a figure name their units, unless it shows only `pure`
-    numbers. `zoomed` is another description for the figure that zooms, where that shows more than a picture can. `tab`
-    is its title as a tab of `qpal app`, which leaves out figures without.
+    numbers. `tab` is its title as a tab of `qpal app`, which leaves out figures without.
     """
 
     section: SectionTitle
@@ -56,7 +55,6 @@ class ReportFigure:
     caption: Callable[[Evaluation], str]
     applies: Callable[[Evaluation], bool] = lambda e: True
     pure: bool = False
-    zoomed: Callable[[Evaluation], Figure] | None = None
     tab: str = ""
 
     def draw(self, evaluation: Evaluation) -> list[Axes]:
@@ -65,15 +63,14 @@ class ReportFigure:
 
     def zoom(self, evaluation: Evaluation) -> Plotly:
         """The figure that zooms."""
-        return plotly((self.zoomed or self.figure)(evaluation))
+        return plotly(self.figure(evaluation))
 
     def picture(self, name: str, evaluation: Evaluation, lead: str = "", **options: Any) -> Picture | None:
         """The figure with its caption after `lead`; None if it does not apply to this model or record."""
         if not self.applies(evaluation):
             return None
         figure = self.figure(evaluation, **options)
-        zoom_figure = None if self.zoomed is None else self.zoomed(evaluation)
-        return Picture.of(name, figure, f"{lead}{self.caption(evaluation)}", zoom_figure)
+        return Picture.of(name, figure, f"{lead}{self.caption(evaluation)}")
 
 
 def pictures(section: SectionTitle, evaluation: Evaluation) -> list[Picture]:
@@ -99,16 +96,6 @@ def data_caption(e: Evaluation) -> str:
     return (
         f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
         f"are validation data.{restoration if has_offsets else ''}"
-    )
-
-
-def _free_run_figure(e: Evaluation) -> Figure:
-    """Both parts, the validation error, and the one-step-ahead prediction if the model has one."""
-    prediction = e.one_step
-    return parts_of_run_figure(
-        Run(e.estimation, e.estimation_output, e.estimation_fit),
-        Run(e.validation, e.validation_output, e.validation_fit),
-        None if prediction is None else Run(e.validation, prediction.validation_output, prediction.validation_fit),
     )
 
 
@@ -301,7 +288,7 @@ def _residuals_caption(e: Evaluation) -> str:
 
 TABLE: dict[str, ReportFigure] = {
     "data": ReportFigure("Data", lambda e: parts_figure(e.estimation, e.validation), data_caption),
-    "free-run": ReportFigure("Model output", _free_run_figure, _free_run_caption, zoomed=joined_figure, tab="Free run"),
+    "free-run": ReportFigure("Model output", joined_figure, _free_run_caption, tab="Free run"),
     "close-up": ReportFigure(
         "Model output",
         lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME),

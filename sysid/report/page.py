@@ -42,9 +42,9 @@ class Picture:
     photo: bool = False
 
     @classmethod
-    def of(cls, name: str, figure: Figure, caption: str, zoomed: Figure | None = None) -> "Picture":
-        """A figure drawn twice; `zoomed` is another description for the one that zooms."""
-        return cls(name, style.png(draw(figure)), caption, plotly(zoomed or figure))
+    def of(cls, name: str, figure: Figure, caption: str) -> "Picture":
+        """A figure drawn twice."""
+        return cls(name, style.png(draw(figure)), caption, plotly(figure))
 
     @property
     def data(self) -> str:

@@ -121,7 +121,8 @@ def _prediction_method(result: ModelRun) -> str:
 def run_figure(result: ModelRun) -> Figure:
     """Each output with its free run, and the difference of all."""
     parts = _outputs(result.data)
-    runs = [Run(e, result.output[:, j], result.percents[j], e.y_name) for j, e in enumerate(parts)]
+    of = [f" of {e.y_name}" if len(parts) > 1 else "" for e in parts]  # one legend names the lines of all panels
+    runs = [Run(e, result.output[:, j], result.percents[j], e.y_name, f"free run{of[j]}") for j, e in enumerate(parts)]
     unit = display_quantity("difference", parts[0].y_unit)
     colours = (style.SECOND, *style.COLOURS)
     differences = [
@@ -166,7 +167,7 @@ def models_page(result: Models) -> Page:
     )
     single_caption = "The same runs one by one. Look for the stretches where a model leaves the measurement."
     picture = Picture.of("overlay", overlay_figure(result), overlay)
-    runs = [Run(one_output(r.data, 0), r.output[:, 0], r.percents[0], r.model.name) for r in result.runs[:SHOWN]]
+    runs = [Run(one_output(r.data, 0), r.output[:, 0], r.percents[0], "", r.model.name) for r in result.runs[:SHOWN]]
     return Page(
         f"{len(result.runs)} models on {result.record.path.name}",
         f"{result.record.data.N} samples, Ts {result.record.data.Ts:g} s",
@@ -177,7 +178,10 @@ def models_page(result: Models) -> Page:
                 tables=models_tables(result),
                 pictures=[picture],
             ),
-            Section("One by one", pictures=[Picture.of("one-by-one", free_runs_figure(runs), single_caption)]),
+            Section(
+                "One by one",
+                pictures=[Picture.of("one-by-one", free_runs_figure(runs, colours=style.COLOURS), single_caption)],
+            ),
         ],
         versions(),
     )
@@ -254,7 +258,7 @@ def overlay_figure(result: Models) -> Figure:
         y = output(e)
         items: list[Item] = [Line(e.t, scaled(e.y[:, 0], y.factor), MEASURED, style.INK, 1.8)]
         for run, colour in zip(result.runs[:SHOWN], style.COLOURS, strict=False):
-            name = f"{run.model.name}, {percent(run.percents[j])}"
+            name = f"{run.model.name}, fit {percent(run.percents[j])}"
             items.append(Line(run.data.t, scaled(run.output[:, j], y.factor), name, colour, 1.0))
         panels.append(Panel(items, Axis.of(y), Axis.time(), weight=1.8))
     return Figure(panels, height=0.8 + 3.0 * len(panels))

@@ -15,7 +15,7 @@ from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_or
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
-from sysid.joint.values import JointValue, joint_values
+from sysid.joint.values import joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
 from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS

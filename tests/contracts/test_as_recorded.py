@@ -121,6 +121,9 @@ def test_a_peak_that_the_record_cuts_off_is_no_peak():
         shown = axes.lines[0].get_xdata()
         assert shown[0] < at - 0.5
         assert shown[-1] > at + 0.5
+    rest = np.where(T < 1.0, -1.0, -0.7 * np.cos(2 * np.pi * T / 5.0))  # rests lowest first; the whole dip is less deep
+    down = plots.close_ups(IOData(0 * y, rest, 0.05), rest)[1].lines[0].get_xdata()
+    assert down[0] < 5.0 < down[-1]
     falling = np.linspace(1.0, 0.0, 400)  # has no other: the end is shown
     up, down = plots.close_ups(IOData(0 * y, falling, 0.05), falling)
     assert up.lines[0].get_ydata().max() == 1.0

@@ -11,9 +11,11 @@ from sysid import plots
 from sysid.data.preprocess import detrend
 from sysid.drawing.plotly import plotly
 from sysid.plots.residual_tests import residuals_figure
+from sysid.plots.static_maps import maps_figure
 from sysid.report.verdict import residuals_in_words
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
+from sysid.uncertainty.information import UNEXCITED
 
 mpl.use("Agg")
 
@@ -109,6 +111,12 @@ def test_maps_say_which_scale_they_are_in(case):
     assert "normalised scale" in last.get_title("left")
     assert last.get_ylabel() == "y [deg]"
     assert any(t.get_text() == "no nonlinearity" for t in last.get_legend().get_texts())
+
+
+def test_a_map_without_a_band_is_told_to_readers_of_either_figure(case):
+    curve = curves.curves(case[-1])[0]
+    unexcited = replace(curve, band=replace(curve.band, note=UNEXCITED))
+    assert maps_figure([unexcited]).said == [f"The record does not excite all of the {curve.role} map."]
 
 
 def test_simulated_output_with_band_over_data(case):

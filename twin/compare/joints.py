@@ -65,7 +65,9 @@ def pairs(log: IOData, response: IOData, seed: int = 0, starts: int = 2) -> tupl
     ):  # one side tells time constant and delay as one value
         log_values, response_values = _sum_lag_and_delay(log_values), _sum_lag_and_delay(response_values)
     by_name = {value.name: value for value in response_values}
-    return tuple(Pair(value.name, value, by_name[value.name]) for value in distinct_values(log_values) if value.name in by_name)
+    return tuple(
+        Pair(value.name, value, by_name[value.name]) for value in distinct_values(log_values) if value.name in by_name
+    )
 
 
 def _sum_lag_and_delay(values: tuple[JointValue, ...]) -> tuple[JointValue, ...]:

@@ -130,12 +130,15 @@ def free_runs_figure(trials: Sequence[Trial], seconds: float) -> Figure:
         part = slice(min(v.N, max(2, round(seconds / v.Ts))))
         angle = np.degrees(v.y[part, 0])
         items = [Line(v.t[part], angle, "measured", style.INK, 2.2)]
+        fits = " and ".join(percent(e.validation_fit) for e, *_ in _models(t))
         for e, colour, name in _models(t):
             run = np.degrees(e.validation_output[part] + e.validation.y_offset[0])
-            items.append(Line(v.t[part], run, f"{name} {percent(e.validation_fit)}", colour, 1.1))
+            items.append(Line(v.t[part], run, name, colour, 1.1))
         pad = 0.25 * float(np.ptp(angle))
         limits = float(angle.min()) - pad, float(angle.max()) + pad
-        panels.append(Panel(items, Axis("angle [deg]", "angle", "deg", limits=limits), time, t.record))
+        panels.append(
+            Panel(items, Axis("angle [deg]", "angle", "deg", limits=limits), time, f"{t.record}, fits {fits}")
+        )
     errors = [
         Line(v.t[part], np.degrees(e.validation.y[part, 0] - e.validation_output[part]), name, colour, 1.0, key=False)
         for e, colour, name in _models(trials[-1])

@@ -43,7 +43,7 @@ def regimes_figure(result: Comparison) -> Figure:
     """RMS of the error by regime, and what share of the record and of the error each regime is."""
     words = Axis(names=[regime.name for regime in result.regimes])
     noise = Rule(DEG * result.noise, dash="dash", label="noise of the log", colour=style.INK, width=0.9)
-    errors = Bars([DEG * regime.rms for regime in result.regimes])
+    errors = Bars([DEG * regime.rms for regime in result.regimes], "RMS", (style.INPUT,))
     record = Bars([100 * r.share for r in result.regimes], "record", (style.SECOND,), width=0.34, shift=-0.18)
     squares = Bars([100 * r.of_error for r in result.regimes], "squared error", width=0.34, shift=0.18)
     panels = [
