@@ -73,7 +73,7 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
 
 
 def _draw_sides(ax: Axes, at: float, sides: tuple[str, str]) -> None:
-    """The words on both sides of a line through all panels, in the first one, which gets room for them over its data."""
+    """The words on both sides of a line through all panels, in the first one, with room for them over its data."""
     scale = ax.yaxis.get_transform()
     bottom, top = scale.transform(np.array(ax.get_ylim()))
     ax.set_ylim(top=float(scale.inverted().transform(top + 0.08 * (top - bottom))))
