@@ -25,7 +25,7 @@ class Function:
     python: str = ""
     c: str = ""
     matlab: str = ""
-    spelt: Callable[[Expr], Expr] | None = None
+    spelt: Callable[[Expr], Op] | None = None
 
 
 def _math(name: str, slope: str, python: str = "") -> Function:
@@ -34,11 +34,11 @@ def _math(name: str, slope: str, python: str = "") -> Function:
     return Function(getattr(math, name), slope, f"from math import {name}", python or f"math.{call}", call, name)
 
 
-def _spelt_logistic(a: Expr) -> Expr:
+def _spelt_logistic(a: Expr) -> Op:
     return Op("/", (Num(1.0), Op("+", (Num(1.0), Op("exp", (Op("neg", (a,)),))))))
 
 
-def _spelt_sign(a: Expr) -> Expr:
+def _spelt_sign(a: Expr) -> Op:
     below = Op("if", (Op("<", (a, Num(0.0))), Op("neg", (Num(1.0),)), Num(0.0)))
     return Op("if", (Op(">", (a, Num(0.0))), Num(1.0), below))
 
