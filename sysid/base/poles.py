@@ -1,9 +1,35 @@
-"""Poles: match an estimate with the truth, the error in the s-plane, and unstable ones mirrored inside."""
+"""Poles: what they make of a motion, the match of an estimate with the truth, and unstable ones mirrored inside."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+
+ON_CIRCLE = 1e-9  # distance from the unit circle that a search leaves to a pole which it holds there
+
+
+class Motion(StrEnum):
+    """What remains of a motion after its cause, in words for "the model ..."."""
+
+    STABLE = "is stable"
+    INTEGRATES = "integrates"
+    UNSTABLE = "is not stable"
+
+
+def motion(poles: np.ndarray) -> Motion:
+    """The motion that poles in z (n,) make; those on the circle but for rounding integrate at 1 and swing elsewhere."""
+    lasting = poles[np.abs(poles) >= 1.0 - ON_CIRCLE]
+    if not len(lasting):
+        return Motion.STABLE
+    return Motion.INTEGRATES if np.all(np.abs(lasting - 1.0) <= ON_CIRCLE) else Motion.UNSTABLE
+
+
+def time_constant(size: float, Ts: float) -> float:
+    """-Ts / ln|z| [s], in which a motion falls to 37 %: monotone in |z|, 0 at 0 and below, infinite on the circle."""
+    if not size > 0.0:
+        return 0.0
+    return float(-Ts / np.log(size)) if size < 1.0 - ON_CIRCLE else np.inf
 
 
 @dataclass(frozen=True)

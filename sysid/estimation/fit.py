@@ -24,6 +24,7 @@ from sysid.base.checks import checked
 from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.base.poles import Motion, motion
 from sysid.data.record import IOData, check_magnitudes
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
@@ -264,7 +265,7 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
             f"the data do not determine {', '.join(parameters)}; excite more levels or choose a smaller map"
         )
     poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
-    if len(poles) and np.max(np.abs(poles)) >= 1.0 - 1e-9:
+    if motion(poles) != Motion.STABLE:
         warnings.append("a pole lies on the unit circle: the model integrates, or the data drift")
     return tuple(warnings)
 

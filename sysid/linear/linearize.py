@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.poles import Motion, motion
 from sysid.block.writing import number
 from sysid.blocks import StateSpace
 from sysid.estimation.result import Fit
@@ -191,7 +192,7 @@ def _integrates(fit: Fit | NlarxFit) -> bool:
     if isinstance(fit, NlarxFit) or len(fit.model.dynamics) != 1:
         return False
     part, block = fit.model.dynamics[0]
-    return not np.isfinite(block.gain(fit.theta[part]))
+    return motion(block.poles(fit.theta[part])) == Motion.INTEGRATES
 
 
 def tangent_source(model: Tangent, structure: str) -> str:

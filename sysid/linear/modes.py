@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.handlers import Shown
+from sysid.base.poles import time_constant
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.model.tangents import tangent
@@ -122,7 +123,7 @@ def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
 def _mode(z: complex, dz: np.ndarray | None, Ts: float, deviation: Deviation) -> Mode:
     nan, z = float("nan"), complex(z)
     r = abs(z)
-    lasting = float(-Ts / np.log(r)) if 0.0 < r < 1.0 else 0.0 if r == 0.0 else np.inf
+    lasting = time_constant(r, Ts)
     s = np.log(z) / Ts if r > 0.0 else complex(nan)
     moves = r > 0.0 and s != 0
     frequency = float(abs(s)) if r > 0.0 else nan

@@ -11,6 +11,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.poles import ON_CIRCLE, time_constant
 from sysid.base.quantities import number, pole
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Item, Line, Mark, Panel, Points, Region, Rule, View
@@ -117,15 +118,15 @@ def _meaning(root: Root | complex, name: str, Ts: float) -> str:
     sign = "" if abs(z.imag) < 5e-5 else f" {'−' if z.imag < 0 else '+'} {abs(z.imag):.4f}i"
     lines = [f"<b>{name}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
     estimate = root if isinstance(root, Root) else None
-    if z != 0 and abs(z) != 1.0:
+    if z != 0 and abs(z - 1.0) > ON_CIRCLE:
         s = np.log(complex(z)) / Ts
-        frequency, damping, lag = abs(s), -s.real / abs(s), -Ts / np.log(abs(z))
+        frequency, damping, lag = abs(s), -s.real / abs(s), time_constant(abs(z), Ts)
         lines += [
             f"natural frequency {number(frequency, 4)} rad/s{_spread(estimate.frequency) if estimate else ''}",
             f"damping ratio {number(damping, 3)}{_spread(estimate.damping) if estimate else ''}",
             f"time constant {number(lag, 4)} s{_spread(estimate.time_constant) if estimate else ''}"
-            if lag > 0
-            else "grows",
+            if np.isfinite(lag)
+            else "does not decay",
         ]
     if estimate is not None:
         lines.append(

@@ -10,6 +10,7 @@ from weakref import ref
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.poles import Motion
 from sysid.estimation.result import Fit
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import OWN, Curve, curves
@@ -69,7 +70,7 @@ def _compute_bands(e: Evaluation) -> Bands:
 
 def _information(e: Evaluation) -> Information | None:
     """The information of the record on a model with a linear block; None if there is none."""
-    if not isinstance(e.fit, Fit) or not e.linear or not e.stable or e.roots is None:
+    if not isinstance(e.fit, Fit) or not e.linear or e.motion == Motion.UNSTABLE or e.roots is None:
         return None
     coloured = e.tests is not None and not e.tests.white
     try:

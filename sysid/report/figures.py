@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from sysid.base import style
+from sysid.base.poles import ON_CIRCLE
 from sysid.base.quantities import Quantity, display_quantity, number, percent, poles
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
@@ -141,11 +142,9 @@ def _roots_figure(e: Evaluation, references: Mapping[str, np.ndarray] | None = N
 
 def _roots_caption(e: Evaluation) -> str:
     """Whether the model is stable."""
-    stability = "all poles are inside the unit circle; the model is stable"
-    if not e.stable:
-        count = int(np.sum(np.abs(e.poles) >= 1))
-        stability = f"{count} pole(s) are on or outside the unit circle; the model is not stable"
-    return f"Poles and zeros of the linear block: {stability} (poles {poles(e.poles)})."
+    count = int(np.sum(np.abs(e.poles) >= 1.0 - ON_CIRCLE))
+    place = f"{count} pole(s) are on or outside the unit circle" if count else "all poles are inside the unit circle"
+    return f"Poles and zeros of the linear block: {place}; the model {e.motion} (poles {poles(e.poles)})."
 
 
 def _step_figure(e: Evaluation) -> Figure:
@@ -160,9 +159,11 @@ def _step_caption(e: Evaluation) -> str:
     assert e.step is not None
     u, y = signals(e)
     last = float(e.step.y[-1]) * y.per(u).factor
+    goes_on = "" if e.stable else ", and it does not settle"
     return (
         "Step response of the linear model that is tangent to the fit at the mean input: after "
-        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}."
+        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}"
+        f"{goes_on}."
     )
 
 

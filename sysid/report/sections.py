@@ -6,6 +6,7 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
+from sysid.base.poles import time_constant
 from sysid.base.quantities import display_quantity, number, percent, pole
 from sysid.joint.values import JointValue, distinct_values
 from sysid.nlarx.result import ONE_STEP, NlarxFit
@@ -103,7 +104,7 @@ def pole_grid(evaluation: Evaluation) -> Grid | None:
             pole_exact(z),
             number(abs(z), 5),
             _range_text(r.modulus if r else None),
-            _time_constant(z, Ts),
+            number(lasting, 3) if np.isfinite(lasting := time_constant(abs(z), Ts)) else "–",
             _lasting(r),
         )
         for z, r in zip(evaluation.poles.tolist(), roots, strict=True)
@@ -229,10 +230,3 @@ def capital(text: str) -> str:
 def only(things: Sequence[T | None]) -> list[T]:
     """Those that exist."""
     return [thing for thing in things if thing is not None]
-
-
-def _time_constant(z: complex, Ts: float) -> str:
-    size = abs(z)
-    if size >= 1.0:
-        return "none"
-    return number(-Ts / np.log(size), 3) if size > 0 else "0"

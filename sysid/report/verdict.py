@@ -60,7 +60,7 @@ def too_narrow(e: Evaluation) -> str:
 def stability(e: Evaluation) -> str:
     """Poles, or how the free run behaves where there are none."""
     if e.linear:
-        return f"It is {'stable' if e.stable else 'not stable'}: poles {poles(e.poles)}."
+        return f"It {e.motion}: poles {poles(e.poles)}."
     runs = "Its free run DIVERGES from the data."
     if e.stable:
         near = min(e.validation_fit, e.estimation_fit) >= CLOSE

@@ -12,12 +12,12 @@ from scipy.special import chdtri, fdtri
 
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
+from sysid.base.poles import time_constant
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.tangents import Rational, steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
 _ROUGH = "is within three standard deviations of another root: the interval is inaccurate"
-_ON_CIRCLE = 1e-12  # an integrator's pole is exact up to rounding
 _MULTIPLE = "is a multiple root, which has no first derivative"
 CANCELLED = "is cancelled by a zero within the accuracy of the record, so the record determines neither of the two"
 _DELAY_MODULUS = 1e-9  # modulus of a pole that is a delay
@@ -239,7 +239,7 @@ def _meaning(
         return interval(info, 0.0, np.abs(dz), level), no_interval, no_interval, no_interval
     size = interval(info, modulus, np.real(np.conj(z) * dz) / r, level)
     spread = size.std * Ts / (np.log(r) ** 2 * r) if np.isfinite(tau) else np.nan
-    envelope = Interval(tau, spread, _envelope(size.lower, Ts), _envelope(size.upper, Ts), size.note)
+    envelope = Interval(tau, spread, time_constant(size.lower, Ts), time_constant(size.upper, Ts), size.note)
     s, ds = np.log(z) / Ts, dz / (z * Ts)
     if s == 0:
         no_interval = Interval(np.nan, np.nan, -np.inf, np.inf, "has no meaning for a root at 1")
@@ -255,14 +255,7 @@ def _readings(z: complex, Ts: float) -> tuple[float, float, float, float, float,
         return 0.0, 0.0, 0.0, np.nan, np.nan, 0.0
     s = np.log(complex(z)) / Ts
     damping = float(-s.real / abs(s)) if s != 0 else np.nan
-    return z.real, z.imag, abs(z), float(abs(s)), damping, _envelope(abs(z), Ts)
-
-
-def _envelope(r: float, Ts: float) -> float:
-    """Time constant [s] of |z|^k: monotone in the modulus, 0 at 0, infinite from 1 on."""
-    if r <= 0.0 or np.isnan(r):
-        return 0.0
-    return float(-Ts / np.log(r)) if r < 1.0 - _ON_CIRCLE else np.inf
+    return z.real, z.imag, abs(z), float(abs(s)), damping, time_constant(abs(z), Ts)
 
 
 def _with_warning(root: Root, roots: np.ndarray) -> Root:

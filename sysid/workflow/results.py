@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.files import versions
+from sysid.base.poles import Motion, motion
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
@@ -120,13 +121,18 @@ class Evaluation:
         return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
 
     @property
+    def motion(self) -> Motion:
+        """What the poles of the linear block make of a motion."""
+        return motion(self.poles)
+
+    @property
     def stable(self) -> bool:
         """Whether all poles of the linear block are inside the unit circle.
 
         Without such a block: whether both free runs stay within RUNAWAY widths of the range of the output.
         """
         if self.linear:
-            return bool(np.all(np.abs(self.poles) < 1.0))
+            return self.motion == Motion.STABLE
         y = np.concatenate([self.estimation.y, self.validation.y])
         run = np.concatenate([self.estimation_output, self.validation_output]).reshape(y.shape)
         distance = np.abs(run - 0.5 * (y.max(axis=0) + y.min(axis=0)))

@@ -1,10 +1,19 @@
 """A value at a bound has no interval: it cannot move there, and the record does not say that it is there exactly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 import sysid
+from sysid.linear.linearize import tangent_at
+from sysid.notebook.page import identified
+from sysid.plots.pole_zero import roots_figure
+from sysid.report import verdict
+from sysid.report.bands import bands
+from sysid.report.figures import TABLE
+from sysid.report.sections import pole_grid
 from sysid.structures import output_error
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import BOUND
@@ -61,3 +70,26 @@ def test_a_parameter_at_a_bound_of_the_user_has_none_and_a_fixed_one_is_no_estim
     assert np.isnan(bounded.pole_std[0])
     assert intervals.parameters(sysid.information(bounded, data))[name].note == BOUND
     assert fixed.pole_std[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("below", "word", "lasting"),
+    [(1e-12, "integrates", "–"), (2e-7, "is stable", "500000"), (-1e-3, "is not stable", "–")],
+)
+def test_a_pole_that_rounding_leaves_below_one_integrates_everywhere(below, word, lasting):
+    data = drifting()
+    fit = sysid.fit(output_error(1, 1, 1), data)
+    theta = fit.theta.copy()
+    theta[fit.model.names.index("linear.f1")] = below - 1.0
+    fit = replace(fit, theta=theta)
+    e = identified(fit, data, None).evaluation
+    assert e.stable == (word == "is stable")
+    assert verdict.stability(e).startswith(f"It {word}: poles ")
+    assert f"the model {word} (poles" in TABLE["pole-zero"].caption(e)
+    assert pole_grid(e).rows[0][4] == lasting
+    assert fit.modes()[0].time_constant == (pytest.approx(0.1 / below) if word == "is stable" else np.inf)
+    hover = roots_figure(fit.poles, Ts=fit.Ts).panels[0].items[3].texts[0]
+    assert ("time constant" in hover) == (word == "is stable")
+    assert tangent_at(fit).integrates == (word == "integrates")
+    assert ("does not settle" in TABLE["step-response"].caption(e)) == (word != "is stable")
+    assert (bands(e).frequency is None) == (word == "is not stable")
