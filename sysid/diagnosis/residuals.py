@@ -61,6 +61,16 @@ class ResidualTests(Shown):
         return chance(self.autocorrelation[1:], self.whiteness_bound, self.level)
 
     @property
+    def rule(self) -> str:
+        """When residuals are white, in a sentence."""
+        n = len(self.lags) - 1
+        return (
+            f"Chance puts {100 * (1 - self.level):g} % of the lags of mere noise outside the {100 * self.level:g} % bound: "
+            f"residuals are white with at most {_allowed_count(n, self.level)} of {n} lags outside, and none beyond "
+            f"{_wider(n, self.level):.2f} times the bound. With the input, all lags count together."
+        )
+
+    @property
     def independent(self) -> bool:
         """True if chance explains all lags together."""
         return self.independence_p >= 1.0 - self.level
@@ -89,9 +99,13 @@ def chance(r: np.ndarray, bound: float, level: float) -> bool:
     widened for all n lags together (Bonferroni).
     """
     n = len(r)
-    joint_bound = bound * float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
     count = int(np.sum(np.abs(r) > bound))
-    return bool(count <= _allowed_count(n, level) and np.all(np.abs(r) <= joint_bound))
+    return bool(count <= _allowed_count(n, level) and np.all(np.abs(r) <= bound * _wider(n, level)))
+
+
+def _wider(n: int, level: float) -> float:
+    """How many times the bound of one lag is that of n lags together."""
+    return float(ndtri(1.0 - (1.0 - level) / (2 * n)) / ndtri(0.5 + level / 2))
 
 
 def _allowed_count(n: int, level: float) -> int:

@@ -19,6 +19,7 @@ from sysid.base.quantities import display_quantity, number
 from sysid.blocks import Channels, TransferFunction, TransferMatrix
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.signals import Signals
+from sysid.data.preprocess import retrend
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.advice import advise
 from sysid.diagnosis.residuals import poor
@@ -65,7 +66,7 @@ def identified(fit: Fit | NlarxFit, data: IOData, validation: IOData | None) -> 
     evaluation = replace(evaluation, notes=tuple(notes))
     place = Path("memory")
     record = Record(place, data, data.u_name, data.y_name, None, Signals(place, ChannelMap(), data.Ts, (), ()))
-    return Identification(record, Plan(detrend="none"), evaluation, advise(data), next=_next(evaluation))
+    return Identification(record, Plan(detrend="none"), evaluation, advise(retrend(data)), next=_next(evaluation))
 
 
 def _next(e: Evaluation) -> NextStep | None:

@@ -281,10 +281,7 @@ def _residuals_caption(e: Evaluation) -> str:
     """Both test results and their meaning."""
     assert e.tests is not None
     kind = "one step ahead" if one_step(e) else "of the free run"
-    return (
-        f"Tests of the validation residuals {kind}. {tests_in_words(e)} "
-        f"A complete model leaves only noise and stays inside the {e.tests.level:.0%} bounds."
-    )
+    return f"Tests of the validation residuals {kind}. {tests_in_words(e)} {e.tests.rule}"
 
 
 TABLE: dict[str, ReportFigure] = {

@@ -40,10 +40,7 @@ def run_page(result: ModelRun) -> Page:
         picture = Picture.of("prediction", prediction_figure(result), caption)
         sections.append(Section(f"Prediction {k} sample(s) ahead", [_prediction_method(result)], pictures=[picture]))
     if result.tests is not None:
-        caption = (
-            f"{tests_in_words(result)} A complete model leaves only noise and stays inside the "
-            f"{result.tests.level:.0%} bounds."
-        )
+        caption = f"{tests_in_words(result)} {result.tests.rule}"
         picture = Picture.of("residuals", residuals_figure(result.tests), caption)
         sections.append(Section("Residual tests", pictures=[picture]))
     return Page(

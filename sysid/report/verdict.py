@@ -124,7 +124,8 @@ def tests_in_words(evaluation: Evaluation) -> str:
     if t is None:
         return "The validation data are too short for residual tests."
     subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
-    lags = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside)"
+    allowed = "as chance allows" if t.white else "more or farther than chance allows"
+    lags = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside, {allowed})"
     chance = f" (all lags together: {_chance_text(t.independence_p)})"
     return f"{subject} are {residuals_in_words(t, lags, chance)}.{_no_voucher(evaluation)}"
 
@@ -145,7 +146,7 @@ def _no_voucher(evaluation: Evaluation) -> str:
         return ""
     return (
         f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(names)} test"
-        f"{'s have' if len(names) == 2 else ' has'} little power, because the residuals are as large as the output."
+        f"{'s have' if len(names) == 2 else ' has'} little power, because most of the output is left in the residuals."
     )
 
 

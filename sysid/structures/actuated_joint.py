@@ -158,7 +158,8 @@ class ActuatedJoint(Recipe):
 
     def in_words(self, fit: Any = None) -> str:
         parts = f"motor with friction {_ENDED[self.stops]}{_LOADED[self.load]}"
-        parts += (", linkage" if self.mapped else "") + ", backlash"
+        blocks = () if fit is None else fit.model.blocks
+        parts += (", linkage" if self.mapped else "") + (", backlash" if any(b.role == "play" for b in blocks) else "")
         parts += ", link on a spring" if self.compliance == "on" else ""
         return ", ".join([f"Actuated joint ({parts})", *self.maps_in_words()])
 

@@ -159,7 +159,9 @@ def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: 
         )
     else:
         size = "" if has_ample_samples(fit) else "the model is too large for this record, or "
-        cause = f"{size}the two parts differ; lower the orders, choose smaller maps or inspect the data"
+        blocks = fit.model.blocks if isinstance(fit, Fit) else ()
+        smaller = ", choose smaller maps" if any(isinstance(b, StaticBlock | Channels) for b in blocks) else ""
+        cause = f"{size}the two parts differ; lower the orders{smaller} or inspect the data"
     return [f"the fit is {words[0]} on the estimation data and {words[1]} on the validation data: {cause}"]
 
 

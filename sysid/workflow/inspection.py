@@ -53,7 +53,8 @@ class Inspection:
 
     `obstacle` is why nothing can be identified from a record that is read, empty if something can.
     `why` are the reasons of the mapping, `unclear` what a person has to decide, `repairs` changes of the mapping that
-    make a record of a file that is refused without them. `text` is the mapping as a file.
+    make a record of a file that is refused without them. `text` is the mapping as a file. `first` is the verb of `qpal`
+    with the options that the first advice has.
     """
 
     path: Path
@@ -73,6 +74,7 @@ class Inspection:
     options: tuple[str, ...] = ()
     unwritten: tuple[str, ...] | None = None
     obstacle: str = ""
+    first: tuple[str, ...] = ("identify",)
 
     @property
     def command(self) -> str:
@@ -84,7 +86,8 @@ class Inspection:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
         if self.obstacle or (self.problem and not self.repairs):
             return ""
-        return shlex.join(["qpal", "identify", str(self.path), *self.options])
+        verb, *advised = self.first
+        return shlex.join(["qpal", verb, str(self.path), *self.options, *advised])
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal info FILE`, ready for JSON."""
@@ -145,6 +148,7 @@ def inspect_file(
     title = f"How {Path(path).name} is read; edit it and give it with --map.\n" + "\n".join((*why, *unclear))
     file = map_path or (None if mapping is None or isinstance(mapping, ChannelMap) else str(mapping))
     options = _options(given, range, file, bool(repairs or unclear))
+    findings = _advice(signals)
     return Inspection(
         table.path,
         TABLE[table.path.suffix.lower()].__name__,
@@ -159,10 +163,12 @@ def inspect_file(
         problem,
         repairs,
         signals,
-        tuple(a.of_file(str(table.path), options) for a in _advice(signals)),
+        tuple(a.of_file(str(table.path), options) for a in findings),
         options,
         _options(given, range, None, needs_map=False) if not file and (repairs or unclear) else None,
         _obstacle(signals),
+        # A delay is an order of every model, and says nothing of which one to fit.
+        next((a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"), ("identify",)),
     )
 
 

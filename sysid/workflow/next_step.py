@@ -54,14 +54,14 @@ def next_step(result: Identification) -> NextStep | None:
     if e.joint is not None and not e.joint.joint:
         rules = (_no_joint,)
     elif e.outputs:
-        rules = (_budget, _uncovered_validation, _coverage, _nonlinear, _more_starts, _general) if is_bad else ()
-    elif is_bad:
-        rules = (_budget, _uncovered_validation, _ends, _delay, _focus, _coverage, _nonlinear, _more_starts)
+        rules = (_budget, _nonlinear, _uncovered_validation, _coverage, _more_starts, _general) if is_bad else ()
+    elif is_bad:  # what the structure cannot describe comes before what it has not seen
+        rules = (_budget, _ends, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _more_starts)
         rules += (_search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)
     elif e.tests is not None and not e.tests.white and not isinstance(e.setting.recipe, ActuatedJoint):
-        rules = (_nonlinear, _ends, _search_structures)
+        rules = (_ends, _nonlinear, _search_structures)
     return next((step for rule in rules if (step := rule(result)) is not None), None)
 
 
@@ -112,14 +112,10 @@ def _no_joint(result: Identification) -> NextStep | None:
 
 
 def _ends(result: Identification) -> NextStep | None:
-    """The record rests at its ends and the model has no end stops; a structure search has tried a model with them.
-
-    A linear model first gets static maps, which are simpler than a joint and may saturate.
-    """
+    """The record rests at its ends and the model has no end stops; a structure search has tried a model with them."""
     recipe = result.evaluation.setting.recipe
     rests = any(a.topic == "rest" and a.severity != "fine" for a in result.advice)
-    linear = isinstance(recipe, OutputError) and _nonlinear_record(result)
-    if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint) or linear:
+    if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint):
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
@@ -134,10 +130,16 @@ def _delay(result: Identification) -> NextStep | None:
     if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays:
         return None
     delay, nk = int(delays[0]), recipe.orders["nk"]
-    if nk <= delay < nk + recipe.orders["nb"]:
+    if _holds(recipe, delay):
         return None
     reason = f"the output responds after {delay} sample(s), but the model's delay is {nk}"
     return NextStep(reason, command(result, nk=delay))
+
+
+def _holds(recipe: Recipe, delay: int) -> bool:
+    """Whether a numerator of these orders can begin at the delay [samples]."""
+    nk = recipe.orders["nk"]
+    return nk <= delay < nk + recipe.orders["nb"]
 
 
 def _focus(result: Identification) -> NextStep | None:
@@ -304,16 +306,21 @@ def _options(recipe: Recipe) -> list[str]:
     return words
 
 
-def advice_after_fit(advice: Advice, fitted: str, percent: float) -> Advice:
+def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
     """The finding without its action, if that names the fitted structure, or a weaker one than a structure that fits.
 
-    `percent` is the fit in validation. A delay keeps its action, which names other orders of the same structure.
+    `percent` is the fit in validation. A delay that the fitted orders cannot hold names these orders with it.
     """
     words = advice.command
     advised_structure = words[words.index("--structure") + 1] if "--structure" in words else ""
-    if not advised_structure or advice.topic == "delay":
+    if not advised_structure:
         return advice
-    weaker = _CLASSES.get(advised_structure, _RICHER) < _CLASSES.get(fitted, _RICHER)
-    if advised_structure != fitted and not (weaker and percent >= POOR):
+    if advice.topic == "delay" and np.isfinite(delay := advice.value):
+        if {"nb", "nk"} <= set(fitted.orders) and not _holds(fitted, int(delay)):
+            options = _options(replace(fitted, nk=int(delay)))
+            return replace(advice, call="", command=("identify", "--structure", fitted.name, *options))
+        return replace(advice, action="", call="", command=())
+    weaker = _CLASSES.get(advised_structure, _RICHER) < _CLASSES.get(fitted.name, _RICHER)
+    if advised_structure != fitted.name and not (weaker and percent >= POOR):
         return advice
     return replace(advice, action="", call="", command=())

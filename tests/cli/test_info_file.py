@@ -72,7 +72,7 @@ def test_a_person_reads_the_mapping_and_the_next_command(folder, capsys):
     out = capsys.readouterr().out
     assert out.startswith("# How log.csv is read; edit it and give it with --map.\n")
     assert 'column = "voltage_V"' in out
-    assert "Next: qpal identify log.csv\n" in out
+    assert "Next: qpal identify log.csv --structure actuated_joint\n" in out  # as the first advice says
     assert "qpal compare log.csv --joint thigh" in out
     html = (folder / "out" / "report.html").read_text(encoding="utf-8")
     assert "[[output]]" in html

@@ -1,8 +1,11 @@
 """Bars, table and caption of a verdict say the same, and shares are told only where there is a departure to share."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from twin.compare.departure import Spectrum
 from twin.compare.verdict import Share, Verdict
 from twin.report import compare, compare_figures
 
@@ -45,3 +48,13 @@ def test_the_caption_names_the_longest_bar_too():
 def test_one_bar_that_is_best_and_longest_is_named_once():
     caption = compare._effect_caption(verdict({"load": 0.97, "friction": 0.9}, False, ("load",)))
     assert caption.endswith("The best alone is load, 97 %.")
+
+
+@pytest.mark.parametrize(("known", "last"), [(".####.#...", 5.0), ("##########", 10.0), ("..........", 10.0)])
+def test_responses_end_before_the_first_unknown_frequency(known, last):
+    frequency = np.arange(1.0, 11.0)
+    radius = np.where([mark == "#" for mark in known], 0.5, 2.0)
+    noisy = Spectrum(frequency, np.exp(-2j * frequency), radius, "test")
+    sure = Spectrum(frequency, np.exp(-0.1j * frequency), 0.1 + 0 * frequency, "test")
+    figure = compare_figures.spectra_figure(SimpleNamespace(spectra=(noisy, sure), kind="twin", label="twin"))
+    assert {item.x[-1] for panel in figure.panels for item in panel.items} == {last}

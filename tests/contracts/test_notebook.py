@@ -303,6 +303,10 @@ def test_a_report_is_one_page_of_this_fit(data, fit, network, tmp_path):
     assert "no validation record" not in page
     assert "Hammerstein-Wiener (nb 2, nf 2, nk 1)" in page
     assert "no validation record was given" in identified(fit, data, None).evaluation.notes[0]
+    top = float(np.quantile(data.y, 0.7))
+    stopped = detrend(replace(data, y=np.minimum(data.y, top)))
+    (rest,) = (a for a in identified(fit, stopped, None).advice if a.topic == "rest")
+    assert f"highest ({np.degrees(top):.4g} deg)" in rest.sentence  # as recorded, though the fit has no mean
     assert "NLARX (na 2" in network.report(tmp_path / "n.html").read_text(encoding="utf-8")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["fit.html", "n.html"]
     with pytest.raises(sysid.InputError, match="does not exist"):

@@ -1,5 +1,6 @@
 """Figures show the numbers they are given: axes carry units, bands their edges, bars their verdict."""
 
+import re
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -88,6 +89,22 @@ def test_residuals_are_told_in_words_that_cannot_be_read_two_ways(white, p, word
     assert residuals_in_words(tests) == words
     assert tests.verdicts[0] == ("white" if white else "coloured")
     assert tests.verdicts[1].endswith("(p = 0.5)" if p else "(p < 1e-12)")
+
+
+def test_the_rule_of_whiteness_is_the_one_that_decides():
+    rng = np.random.default_rng(3)
+    tests = sysid.residual_tests(rng.normal(size=500), rng.normal(size=500))
+    most, n, factor = re.search(r"at most (\d+) of (\d+) .* beyond ([\d.]+) times", tests.rule).groups()
+    assert int(n) == 25
+    for count, size, white in (
+        (int(most), 1.01, True),
+        (int(most) + 1, 1.01, False),
+        (1, 0.99, True),
+        (1, 1.01, False),
+    ):
+        r = np.eye(26)[0]
+        r[1 : count + 1] = tests.whiteness_bound * size * (float(factor) if count == 1 else 1.0)
+        assert replace(tests, autocorrelation=r).white == white, (count, size)
 
 
 def test_pole_map_draws_ellipses_for_pairs_and_bars_for_real_roots(case):

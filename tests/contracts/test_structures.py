@@ -1,6 +1,7 @@
 """Every recipe of the table: named alike everywhere, described for people, and reachable from where it has to be."""
 
 from dataclasses import fields
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -145,4 +146,7 @@ def test_words_for_people():
     assert joint.short == "actuated-joint"
     assert joint.as_subject().startswith("An actuated joint (motor")
     assert joint.in_words().endswith("driver saturation, sensor polynomial")
+    for play in (False, True):
+        fit = SimpleNamespace(model=structures.actuated_joint(play=play))
+        assert ("linkage, backlash" in joint.as_subject(fit)) == play
     assert OutputError(1, 2, 0).orders == {"nb": 1, "nf": 2, "nk": 0}

@@ -15,6 +15,8 @@ import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
 from sysid.excitations import Prbs
+from sysid.structures import TABLE as STRUCTURES
+from sysid.structures import OutputError
 from sysid.workflow.next_step import advice_after_fit
 from twin.cli import main
 from twin.cli.app import build
@@ -206,10 +208,29 @@ def test_no_advice_speaks_of_an_input_map_that_the_model_does_not_have(tmp_path,
 )
 def test_after_a_fit_no_advice_names_it_or_less(named, fitted, percent, kept):
     said = Advice("nonlinearity", "found", 0.0, "do it", "note", call="f()", command=("identify", "--structure", named))
-    found = advice_after_fit(said, fitted, percent)
+    found = advice_after_fit(said, STRUCTURES[fitted](), percent)
     assert found.sentence == "found"
     assert (found == said) == kept
     assert kept or not (found.action or found.call or found.command)
+
+
+@pytest.mark.parametrize(
+    ("fitted", "delay", "orders"),
+    [
+        (OutputError(1, 1, 1), 1, None),
+        (OutputError(1, 1, 1), 4, "1,1,4"),
+        (OutputError(3, 2, 0), 2, None),
+        (OutputError(3, 2, 0), 3, "3,2,3"),
+        (STRUCTURES["actuated_joint"](), 3, None),
+    ],
+)
+def test_a_delay_names_the_fitted_orders_and_only_where_they_cannot_hold_it(fitted, delay, orders):
+    said = Advice("delay", "found", delay, "use it", "fine", call="f()", command=("identify", "--structure", "other"))
+    found = advice_after_fit(said, fitted, 98.0)
+    assert found.sentence == "found"
+    assert found.action == ("use it" if orders else "")
+    assert found.command == (("identify", "--structure", fitted.name, "--orders", orders) if orders else ())
+    assert not found.call
 
 
 # --- false alarms

@@ -13,7 +13,7 @@ from sysid.diagnosis.direction import confirmed, direction
 from sysid.diagnosis.residuals import residual_tests
 from sysid.report import verdict
 from sysid.report.verdict import tests_in_words as in_words
-from sysid.structures import OutputError
+from sysid.structures import Hammerstein, OutputError
 from sysid.systems import system
 from sysid.workflow.evaluation import evaluate, evaluate_fit
 from sysid.workflow.remarks import WRONG, gain_remarks
@@ -102,11 +102,32 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
     for given, fit, said in ((tests, -212.0, True), (tests, 40.0, False), (tests, 90.0, False)):
         words = in_words(replace(e, tests=given, validation_fit=fit))
         assert ("does not vouch for the model" in words) is said
+        assert "lags outside, as chance allows)" in words
         assert ("−212.00 %" in words) is said
     slow = residual_tests(lfilter([1], [1, -0.95], noise(1)), noise(2))
     assert not slow.white
     assert slow.independent
-    assert "does not vouch" in in_words(replace(e, tests=slow, validation_fit=30.0))
+    words = in_words(replace(e, tests=slow, validation_fit=30.0))
+    assert "does not vouch" in words
+    assert "lags outside, more or farther than chance allows)" in words
+    assert "as large as the output" not in words  # which is a fit of 0 %
+
+
+@pytest.mark.parametrize(
+    ("recipe", "todo"),
+    [
+        (OutputError(1, 1, 1), "lower the orders or inspect"),
+        (Hammerstein(1, 1, 1, "dead_zone"), "lower the orders, choose smaller maps or inspect"),
+    ],
+)
+def test_parts_that_differ_want_smaller_maps_only_of_a_model_with_maps(recipe, todo):
+    data, other = (IOData(noise(1), lfilter([0, g], [1, -0.5], noise(1)), 0.1) for g in (1.0, 2.0))
+    (note,) = (n for n in evaluate(Setting(recipe, starts=1), data, other).notes if "the two parts differ" in n)
+    assert todo in note
+
+
+def test_tests_that_both_fail_need_no_voucher():
+    e = mirrored(*sound())
     neither = residual_tests(lfilter([1], [1, -0.95], noise(2)), noise(2))
     assert "vouch" not in in_words(replace(e, tests=neither, validation_fit=-212.0))
 

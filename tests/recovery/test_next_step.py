@@ -105,6 +105,8 @@ def test_a_first_part_that_does_not_cover_the_range(seed, capsys):
     assert option(poor, "--orders") == "1,1,1"
     better = followed(poor, capsys)
     assert better["fit_percent"]["validation"] > poor["fit_percent"]["validation"] + 10.0
+    linear = identified([*arguments, "--structure", "output_error"], capsys)
+    assert option(linear, "--structure") not in ("output_error", None)  # no part makes a saturation linear
 
 
 @pytest.mark.parametrize("seed", often(3, 1))

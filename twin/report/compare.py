@@ -310,8 +310,7 @@ def _spectra_caption(result: Comparison) -> str:
 def _tests_caption(tests: ResidualTests) -> str:
     return (
         f"Correlations of the error with itself ({tests.whiteness_outside} of {len(tests.lags) - 1} lags outside) and "
-        f"with the input ({tests.independence_outside} of {len(tests.cross_lags)} outside). If only noise were left, "
-        "both would stay inside their bounds."
+        f"with the input ({tests.independence_outside} of {len(tests.cross_lags)} outside). {tests.rule}"
     )
 
 

@@ -108,6 +108,10 @@ def spectra_figure(result: Comparison) -> Figure:
 
 
 def _highest_known(spectrum: Spectrum) -> float:
-    """The last frequency at which the response is larger than its uncertainty; the last of all if there is none."""
-    indices = np.flatnonzero(spectrum.radius < np.abs(spectrum.G))
-    return float(spectrum.frequency[indices[-1] if len(indices) else -1])
+    """The last frequency before the first at which the response may be zero: noise turns every phase beyond.
+
+    What may be zero below the first known one does not count; the last of all frequencies if none is known.
+    """
+    known = spectrum.radius < np.abs(spectrum.G)
+    first = int(np.argmax(known))
+    return float(spectrum.frequency[first + int(np.argmin(np.append(known[first:], False))) - 1])
