@@ -65,7 +65,7 @@ class ResidualTests(Shown):
         """When residuals are white, in a sentence."""
         n = len(self.lags) - 1
         return (
-            f"Chance puts {100 * (1 - self.level):g} % of the lags of mere noise outside the {100 * self.level:g} % bound: "
+            f"Chance puts {100 * (1 - self.level):g} % of the lags of noise outside the {100 * self.level:g} % bound: "
             f"residuals are white with at most {_allowed_count(n, self.level)} of {n} lags outside, and none beyond "
             f"{_wider(n, self.level):.2f} times the bound. With the input, all lags count together."
         )

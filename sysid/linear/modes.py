@@ -5,17 +5,19 @@ covariance that allows for coloured residuals.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.handlers import Shown
 from sysid.base.poles import time_constant
+from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.model.tangents import tangent
-from sysid.uncertainty.information import information
+from sysid.uncertainty.information import TESTED, Information, information
+from sysid.uncertainty.intervals import CANCELLED, is_cancelled
 
 Deviation = Callable[[np.ndarray], float]
 _MULTIPLE = 1e-12
@@ -26,7 +28,8 @@ class Mode:
     """A pole in z and in s = ln(z)/Ts [1/s]: natural frequency [rad/s], damping [-], time constant of its envelope [s].
 
     A standard deviation is nan where the record does not determine it and for a multiple pole. A pole at z = 0 has no
-    frequency and no damping (nan); a pole on or outside the unit circle has an infinite time constant.
+    frequency and no damping (nan); a pole on or outside the unit circle has an infinite time constant. `note` says why
+    the record determines nothing of a pole, as in `sysid.uncertainty.intervals.poles`; empty if it does.
     """
 
     pole: complex
@@ -37,6 +40,7 @@ class Mode:
     damping_std: float
     time_constant: float
     time_constant_std: float
+    note: str = ""
 
     @property
     def hertz(self) -> float:
@@ -66,19 +70,23 @@ class Gain:
 def modes(fit: Fit, data: IOData | None = None) -> Modes:
     """The poles of a fit, in the order of `Fit.poles`; of a pair both.
 
-    `data`, the record of the fit, makes the standard deviations allow for coloured residuals; without it they assume
-    white ones. Raises InputError for a record that is not that of the fit.
+    `data`, the record of the fit, makes the standard deviations allow for coloured residuals and leaves out those of
+    poles that a zero may cancel; without it they assume white ones. Raises InputError for a record that is not that of
+    the fit.
     """
-    deviation = deviation_of(fit, data)
+    info = None if data is None else information(fit, data, lags=TESTED)
+    deviation = deviation_of(fit, info)
     results = []
-    for F, gradient in _denominators(fit):
+    for F, gradient, block in _denominators(fit):
         slope = np.polyder(F)
         for z in np.roots(F).astype(complex):
             d = np.polyval(slope, z)
             multiple = abs(d) < _MULTIPLE * max(1.0, float(np.abs(F).max()))
-            dz = None if multiple else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
+            cancelled = info is not None and block is not None and is_cancelled(info, block, z)
+            dz = None if multiple or cancelled else -(z ** np.arange(len(F) - 1, -1, -1)) @ gradient / d
             with np.errstate(all="ignore"):  # of a pole near 0 no deviation is known
-                results.append(_mode(z, dz, fit.Ts, deviation))
+                mode = _mode(z, dz, fit.Ts, deviation)
+            results.append(replace(mode, note=CANCELLED) if cancelled else mode)
     return Modes(results)
 
 
@@ -95,28 +103,29 @@ def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:
     G = tangent(fit.model, fit.theta, level)
     if not np.isfinite(G.gain):
         return Gain(np.inf, np.nan, level)
-    return Gain(G.gain, deviation_of(fit, data)(G.gain_gradient), level)
+    info = None if data is None else information(fit, data, lags=TESTED)
+    return Gain(G.gain, deviation_of(fit, info)(G.gain_gradient), level)
 
 
-def deviation_of(fit: Fit, data: IOData | None = None) -> Deviation:
+def deviation_of(fit: Fit, info: Information | None = None) -> Deviation:
     """Standard deviation of a quantity from its gradient (P,)."""
-    if data is not None:
-        info = information(fit, data, lags="tested")
+    if info is not None:
         return lambda g: float(info.std_of(g)[0])
     is_undetermined = fit.covariance.unidentifiable
     return lambda g: float("nan") if np.any(is_undetermined & (np.abs(g) > 0.0)) else fit.covariance.deviation(g)
 
 
-def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray]]:
-    """F (n + 1,) of every linear block with its gradient (n + 1, P)."""
+def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray, TransferFunction | None]]:
+    """F (n + 1,) of every linear block with its gradient (n + 1, P), and the block if it is a filter."""
     if fit._around_centre is not None:
-        return [(fit._around_centre.F, fit._around_centre.F_gradient)]
+        return [(fit._around_centre.F, fit._around_centre.F_gradient, None)]
     denominators = []
     for part, b in fit.model.dynamics:
         columns = slice(part.start + b.nb, part.start + b.nb + b.nf)
         gradient = np.zeros((b.nf + 1, len(fit.theta)))
         gradient[1:, columns] = np.eye(b.nf)
-        denominators.append((np.concatenate([[1.0], fit.theta[columns]]), gradient))
+        filter = b if isinstance(b, TransferFunction) else None
+        denominators.append((np.concatenate([[1.0], fit.theta[columns]]), gradient, filter))
     return denominators
 
 

@@ -74,7 +74,7 @@ def _row(m: Mode) -> tuple[str, ...]:
     real, imag = m.pole.real, abs(m.pole.imag)
     text = number(real) if imag < 1e-9 else f"{number(real)} ± {number(imag)}i"
     damping = (number(m.damping), number(m.damping_std, 2))
-    lasting = _cells(m.time_constant, m.time_constant_std)
+    lasting = (UNKNOWN, "–") if m.note else _cells(m.time_constant, m.time_constant_std)
     return text, number(m.pole_std, 2), *_cells(m.hertz, m.hertz_std), *damping, *lasting
 
 
@@ -97,7 +97,7 @@ def doubts(fit: Fit, data: IOData | None, score: float | None, modes: Sequence[M
         poles = ", ".join(number(m.pole.real) for m in open_)
         sentences.append(
             f"Warning: the record does not determine how fast the pole at {poles} is: the standard deviation is larger "
-            "than the value."
+            "than the value, or a zero may cancel the pole."
         )
     if bad or open_:
         sentences.append(_next(fit, data))
@@ -105,8 +105,8 @@ def doubts(fit: Fit, data: IOData | None, score: float | None, modes: Sequence[M
 
 
 def determined(mode: Mode) -> bool:
-    """False where the standard deviation of the pole or of its time constant is larger than the value."""
-    return not (mode.pole_std > abs(mode.pole) > 0.0 or lost(mode.time_constant, mode.time_constant_std))
+    """False where a zero may cancel the pole, or a deviation of it or of its time constant is larger than the value."""
+    return not (mode.note or mode.pole_std > abs(mode.pole) > 0.0 or lost(mode.time_constant, mode.time_constant_std))
 
 
 def lost(value: float, std: float) -> bool:

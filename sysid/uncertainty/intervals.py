@@ -272,7 +272,7 @@ def _region(level: float, dof: float) -> float:
     return float(np.sqrt(2.0 * fdtri(2.0, dof, level)))
 
 
-def is_cancelled(info: Information, block: TransferFunction, z: complex, level: float) -> bool:
+def is_cancelled(info: Information, block: TransferFunction, z: complex, level: float = 0.95) -> bool:
     """Whether the residue of the filter at its pole z may be zero.
 
     The record shows a pole only through its residue. Where this may be zero, any value of the pole fits, and an

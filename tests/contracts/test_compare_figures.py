@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from twin.compare import verdict as verdicts
 from twin.compare.departure import Spectrum
 from twin.compare.verdict import Share, Verdict
 from twin.report import compare, compare_figures
@@ -35,6 +36,8 @@ def test_without_a_departure_bars_are_the_error_that_is_left():
     caption = compare._effect_caption(found)
     assert "%" not in caption
     assert "by more than chance" in caption
+    (sentence,) = compare.verdict_sentences(found, "thigh", "log.csv")
+    assert sentence.endswith("(error 0.229 deg RMS over the first 60 s, with nothing moved).")  # one noise on the page
     assert {row[1] for row in compare.effect_table(found).rows} == {"–"}
 
 
@@ -58,3 +61,17 @@ def test_responses_end_before_the_first_unknown_frequency(known, last):
     sure = Spectrum(frequency, np.exp(-0.1j * frequency), 0.1 + 0 * frequency, "test")
     figure = compare_figures.spectra_figure(SimpleNamespace(spectra=(noisy, sure), kind="twin", label="twin"))
     assert {item.x[-1] for panel in figure.panels for item in panel.items} == {last}
+
+
+def test_an_effect_that_makes_nothing_better_leaves_what_nothing_moved_leaves(monkeypatch):
+    def searched(trials, searches, y):
+        for search, cost in zip(searches, (0.25, 0.36, 0.2499), strict=True):
+            search.cost = cost
+
+    monkeypatch.setattr(verdicts, "fit_all", searched)
+    monkeypatch.setattr(verdicts, "restart", lambda *_: None)
+    log, y = SimpleNamespace(N=100, Ts=0.1), np.random.default_rng(0).normal(size=100)
+    follower = SimpleNamespace(joint="thigh", y=y, log=log)
+    found = verdicts.explain(SimpleNamespace(follower=follower, simulated=0), effects=("friction", "delay"))
+    assert found.chance
+    assert {share.effect: share.rms for share in found.alone} == {"friction": 0.5, "delay": np.sqrt(0.2499)}

@@ -5,6 +5,7 @@ import pytest
 
 import sysid
 from sysid.excitations import Aprbs
+from sysid.notebook.poles import doubts, pole_table
 from sysid.uncertainty import intervals
 from sysid.uncertainty.intervals import CANCELLED
 
@@ -36,6 +37,23 @@ def test_a_pole_too_many_is_left_open_and_the_true_one_is_not(extra):
         held.append(own.real.lower <= 0.85 <= own.real.upper)
     assert np.mean(left_open) >= 0.88
     assert np.mean(held) >= 0.85
+
+
+def test_a_prompt_leaves_the_same_pole_open_as_a_page():
+    chain = sysid.structures.output_error(2, 2, 1)
+    b, f = np.convolve([0.2], [1.0, -0.5]), np.convolve([1.0, -0.85], [1.0, -0.5])
+    truth = np.array([*b, *f[1:], 0.0, 0.0])
+    data = record(chain, truth, 0, 0.05)
+    fit = sysid.fit(chain, data, start=truth, search="lm")
+    roots, found = intervals.poles(sysid.information(fit, data)), fit.modes(data)
+    assert [m.note for m in found] == [r.note for r in roots]
+    assert {m.note for m in found} == {"", CANCELLED}
+    for mode, root in zip(found, roots, strict=True):
+        assert np.isnan(mode.pole_std) if mode.note else mode.pole_std == pytest.approx(root.std)
+        assert np.isnan(mode.time_constant_std) == bool(mode.note)
+    open_row, known_row = sorted(pole_table(found).rows)
+    assert (open_row[6], known_row[6] == "not determined") == ("not determined", False)
+    assert "a zero may cancel the pole" in " ".join(doubts(fit, data, 99.0, found))
 
 
 def test_poles_without_a_zero_that_could_cancel_them_are_bounded():

@@ -112,7 +112,8 @@ def explain(
         searches.append(winner)
     searches = _drop_superfluous(trials, base, searches, y)
     noise = min([noise, *(search.cost for search in searches)])
-    shares = [Share(s.name, _explained_share(s, base, noise), float(np.sqrt(s.cost))) for s in singles]
+    # A search that ended above the base has found nothing: its values stay the twin's, with which it is the base.
+    shares = [Share(s.name, _explained_share(s, base, noise), float(np.sqrt(min(s.cost, base.cost)))) for s in singles]
     named_shares = [
         Share(s.name.split("+")[-1], _explained_share(s, base, noise), float(np.sqrt(s.cost))) for s in searches
     ]

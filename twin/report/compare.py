@@ -98,8 +98,8 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
     """What explains the departure, what acts alike, what is left, and what to do next."""
     if verdict.chance:
         return [
-            f"No departure beyond noise: no effect improves the fit by more than chance (error {_deg(verdict.rms)} "
-            f"RMS, noise {_deg(verdict.noise)})."
+            "No departure beyond noise: no effect improves the fit by more than chance (error "
+            f"{_deg(verdict.rms)} RMS over the first {verdict.seconds:g} s, with nothing moved)."
         ]
     texts = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
     first = TABLE[verdict.named[0].effect]
@@ -284,7 +284,8 @@ def _effect_caption(verdict: Verdict) -> str:
     if verdict.chance:
         return (
             "RMS of the error that is left when one effect alone is moved to fit the log, and with nothing moved "
-            "(dashed). No effect makes it smaller by more than chance does."
+            "(dashed), where an effect stays that makes nothing better. No effect makes it smaller by more than chance "
+            "does."
         )
     best, longest = verdict.alone[0], max(verdict.alone, key=lambda share: share.share)
     text = (
