@@ -119,13 +119,12 @@ def _denominators(fit: Fit) -> list[tuple[np.ndarray, np.ndarray, TransferFuncti
     """F (n + 1,) of every linear block with its gradient (n + 1, P), and the block if it is a filter."""
     if fit._around_centre is not None:
         return [(fit._around_centre.F, fit._around_centre.F_gradient, None)]
-    denominators = []
+    denominators = list[tuple[np.ndarray, np.ndarray, TransferFunction | None]]()
     for part, b in fit.model.dynamics:
         columns = slice(part.start + b.nb, part.start + b.nb + b.nf)
         gradient = np.zeros((b.nf + 1, len(fit.theta)))
         gradient[1:, columns] = np.eye(b.nf)
-        filter = b if isinstance(b, TransferFunction) else None
-        denominators.append((np.concatenate([[1.0], fit.theta[columns]]), gradient, filter))
+        denominators.append((np.concatenate([[1.0], fit.theta[columns]]), gradient, b))
     return denominators
 
 

@@ -317,7 +317,8 @@ def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
         return advice
     if advice.topic == "delay" and np.isfinite(delay := advice.value):
         if {"nb", "nk"} <= set(fitted.orders) and not _holds(fitted, int(delay)):
-            options = _options(replace(fitted, nk=int(delay)))
+            with_delay: dict[str, Any] = {"nk": int(delay)}
+            options = _options(replace(fitted, **with_delay))
             return replace(advice, call="", command=("identify", "--structure", fitted.name, *options))
         return replace(advice, action="", call="", command=())
     weaker = _CLASSES.get(advised_structure, _RICHER) < _CLASSES.get(fitted.name, _RICHER)
