@@ -2,12 +2,25 @@
 
 `TABLE` has the order of the documentation.
 
-A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board, and
-its text. A state of the board is a slot that begins with a number; `twin.plant.kernels` has the step that moves it.
-`twin.signatures` has the experiments that show an imperfection.
+A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board, its
+text, and what it may have of a state that moves, an effect, and an experiment that shows it. What the motor board does
+of itself stands in `twin.plant.kernels`, and experiments that need the leg's hardware stand in `twin.signatures`.
 """
 
 from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, board_row, slot_value
+from twin.imperfections._signature import (
+    Axis,
+    Lab,
+    Line,
+    Mark,
+    Show,
+    Signature,
+    Size,
+    Trial,
+    holds,
+    line_fit,
+    steady_speeds,
+)
 from twin.imperfections.adc import Adc
 from twin.imperfections.asymmetry import Asymmetry
 from twin.imperfections.backlash import Backlash
@@ -53,4 +66,25 @@ def of_group(*groups: str) -> tuple[str, ...]:
     return tuple(name for name, kind in TABLE.items() if kind.group in groups)
 
 
-__all__ = ["GROUPS", "GUESS", "IMPERFECTIONS", "TABLE", "Imperfection", "Row", "board_row", "of_group", "slot_value"]
+__all__ = [
+    "GROUPS",
+    "GUESS",
+    "IMPERFECTIONS",
+    "TABLE",
+    "Axis",
+    "Imperfection",
+    "Lab",
+    "Line",
+    "Mark",
+    "Row",
+    "Show",
+    "Signature",
+    "Size",
+    "Trial",
+    "board_row",
+    "holds",
+    "line_fit",
+    "of_group",
+    "slot_value",
+    "steady_speeds",
+]

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
+from twin.imperfections._signature import Show
+
 GUESS = "assumption"
 GROUPS = ("friction", "mechanics", "bridge", "sensor")
 
@@ -46,8 +48,16 @@ class Imperfection:
 
     `board` and `joint`: its numbers for the compiled motor board, one for the board or one for each joint, by the name
     of their slot in `twin.plant.slots`: the name of a row, where JOINT stands for the joint; a number, with which a
-    state of `twin.plant.kernels` begins; or a function of the parameter values, in which switched-off imperfections
-    are at `ideal`, and of the joint.
+    state begins; or a function of the parameter values, in which switched-off imperfections are at `ideal`, and of
+    the joint.
+
+    `step(board, j, s)` moves the states in `j`, the slots of a joint, or in `board` by one step of the simulation,
+    board[s.STEP] [s]. `effect(j, s, value)` gives what becomes of a value of the joint: of the bound of dry friction
+    for the group "friction", of the motor voltage [V] for "bridge", of the angle [rad] read by the potentiometer for
+    "sensor". `s` has the places of `twin.plant.slots` by name. Both are static methods that numba can compile.
+
+    `show(p, lab)` is its signature: an experiment on the `lab` with the parameters `p`; without it the signature
+    stands in `twin.signatures`.
 
     `title`, `about`, `model`, `parameters` and `remark` make its section in docs/imperfections.md, in Markdown.
     """
@@ -63,6 +73,9 @@ class Imperfection:
     ideal: ClassVar[Mapping[str, float]]
     board: ClassVar[Mapping[str, Slot]] = {}
     joint: ClassVar[Mapping[str, Slot]] = {}
+    step: ClassVar[Callable[..., None] | None] = None
+    effect: ClassVar[Callable[..., float] | None] = None
+    show: ClassVar[Show | None] = None
 
 
 def slot_value(slot: Slot, values: Values, joint: str) -> float:

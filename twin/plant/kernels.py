@@ -12,6 +12,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from sysid.base.compiled import callback
+from twin.imperfections import TABLE
 from twin.plant import slots as s
 from twin.plant.layout import offset
 
@@ -64,6 +65,40 @@ def _joints(model, data, mark):
     return int(board[s.JOINTS]) if board[s.MAGIC] == mark else 0
 
 
+def _effect(group):
+    """What the imperfections of a group, one after the other, make of a value of joint j."""
+    run = njit(lambda j, value: value)
+    for kind in TABLE.values():
+        if kind.group == group and kind.effect is not None:
+            run = _after(run, njit(kind.effect))
+    return run
+
+
+def _after(first, effect):
+    return njit(lambda j, value: effect(j, s.PLACES, first(j, value)))
+
+
+def _steps():
+    """The states of all imperfections moved by one step."""
+    run = njit(lambda board, j: None)
+    for kind in TABLE.values():
+        if kind.step is not None:
+            run = _both(run, njit(kind.step))
+    return run
+
+
+def _both(first, step):
+    @njit
+    def run(board, j):
+        first(board, j)
+        step(board, j, s.PLACES)
+
+    return run
+
+
+_rubbed, _driven, _seen, _move = _effect("friction"), _effect("bridge"), _effect("sensor"), _steps()
+
+
 @njit
 def _uniform(seed, joint, tick, k):
     """A number in (0, 1) from a counter: splitmix64 (Steele, Lea and Flood, OOPSLA 2014)."""
@@ -87,7 +122,7 @@ def _angle_read(j, qpos):
     angle = qpos[int(j[s.HINGE])]
     if j[s.POT_PLAY] >= 0:
         angle += qpos[int(j[s.POT_PLAY])]
-    return angle + j[s.POT_NONLINEARITY] * np.sin(j[s.POT_WAVE] * angle)
+    return _seen(j, angle + j[s.POT_NONLINEARITY] * np.sin(j[s.POT_WAVE] * angle))
 
 
 @njit
@@ -153,7 +188,7 @@ def _bounds(j, speed):
     ratio = speed / j[s.STRIBECK_SPEED]
     factor = 1.0 + j[s.STRIBECK] * np.exp(-ratio * ratio)
     axial = j[s.LOAD_FRICTION] * abs(j[s.LOAD])
-    return factor * j[s.COULOMB_UP] + axial, factor * j[s.COULOMB_DOWN] + axial
+    return _rubbed(j, factor * j[s.COULOMB_UP] + axial), _rubbed(j, factor * j[s.COULOMB_DOWN] + axial)
 
 
 @njit
@@ -220,7 +255,9 @@ def _control(mark):
             _rub(j, data, k, speed)
         board[s.BUS] = _bus(board, joints, velocity)
         for k in range(joints):
-            ctrl[k] = board[s.HEAD + k * s.WIDTH + s.DUTY] * board[s.BUS]
+            j = board[s.HEAD + k * s.WIDTH :]
+            ctrl[k] = _driven(j, j[s.DUTY] * board[s.BUS])
+            _move(board, j)
 
     return control
 

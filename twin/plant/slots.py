@@ -4,6 +4,8 @@ Slots are numbered automatically; the numbers of the imperfections follow the bo
 integers, so that compiled code can use them by name.
 """
 
+import inspect
+from collections import namedtuple
 from zlib import crc32
 
 from twin.imperfections import TABLE
@@ -76,6 +78,15 @@ def __getattr__(name: str) -> int:
 ANGLE, READING, VOLTS, FORCE = range(4)
 COLUMNS = 4
 
-# The first number tells boards of this very layout: compiled code in the cache of another one must not touch them.
-_layout = repr({name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)})
-MAGIC_VALUE = 20161001.0 + crc32(_layout.encode())
+PLACES_BY_NAME = {name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)}
+PLACES = namedtuple("PLACES", PLACES_BY_NAME)(**PLACES_BY_NAME)  # for the steps and effects of imperfections
+
+# The first number tells boards of this very layout, and of these very steps and effects: compiled code in the cache of
+# another one must not touch them.
+_compiled = [
+    kind.group + inspect.getsource(function)
+    for kind in TABLE.values()
+    for function in (kind.step, kind.effect)
+    if function is not None
+]
+MAGIC_VALUE = 20161001.0 + crc32("".join([repr(PLACES_BY_NAME), *_compiled]).encode())

@@ -3,12 +3,14 @@
 from collections.abc import Callable
 
 from sysid.base.checks import checked
+from twin.imperfections import TABLE as IMPERFECTIONS
+from twin.imperfections import Axis, Line, Mark, Show, Signature, Size
 from twin.parameters import Parameters
-from twin.signatures import electronics, friction, mechanics
-from twin.signatures.signature import Axis, Line, Mark, Signature, Size
+from twin.signatures import electronics, friction, lab, mechanics
 
-# In the order of `twin.IMPERFECTIONS`; an imperfection may have more than one.
-TABLE: dict[str, Callable[[Parameters], Signature]] = {
+# In the order of `twin.IMPERFECTIONS`; an imperfection may have more than one. Those that stand with their imperfection
+# come from its class.
+_TABLE: dict[str, Callable[[Parameters], Signature]] = {
     "friction": friction.friction,
     "asymmetry": friction.asymmetry,
     "stribeck": friction.stribeck,
@@ -28,6 +30,13 @@ TABLE: dict[str, Callable[[Parameters], Signature]] = {
     "gravity": mechanics.gravity,
     "contact": mechanics.contact,
 }
+
+
+def _on_the_bench(show: Show) -> Callable[[Parameters], Signature]:
+    return lambda p: show(p, lab)
+
+
+TABLE = _TABLE | {name: _on_the_bench(each.show) for name, each in IMPERFECTIONS.items() if each.show is not None}
 
 
 @checked(late=True)

@@ -5,22 +5,10 @@ import numpy as np
 from twin.hardware.actuator import motor
 from twin.hardware.linkage import end_angles
 from twin.hardware.potentiometer import potentiometer
+from twin.imperfections import Axis, Line, Mark, Signature, Size, Trial, holds, line_fit, steady_speeds
 from twin.parameters import TABLE, Parameters
 from twin.plant.stepping import TIMESTEP
-from twin.signatures.signature import (
-    Axis,
-    Line,
-    Mark,
-    Signature,
-    Size,
-    Trial,
-    holds,
-    lag,
-    line_fit,
-    pair,
-    steady_speeds,
-    tick,
-)
+from twin.signatures.lab import lag, pair, tick
 
 COMMAND, MOTOR = Axis("command", "V"), Axis("motor", "V")
 JOINT = "shoulder"

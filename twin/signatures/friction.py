@@ -6,21 +6,10 @@ import numpy as np
 
 from twin.hardware.actuator import Motor, motor
 from twin.hardware.potentiometer import potentiometer
+from twin.imperfections import Axis, Line, Mark, Signature, Size, Trial, holds, line_fit, steady_speeds
 from twin.parameters import Parameters
 from twin.plant.stepping import TIMESTEP
-from twin.signatures.signature import (
-    Axis,
-    Line,
-    Mark,
-    Signature,
-    Size,
-    Trial,
-    holds,
-    lag,
-    line_fit,
-    pair,
-    steady_speeds,
-)
+from twin.signatures.lab import lag, pair
 from twin.truth import truth
 
 SPEED, TORQUE = Axis("speed", "rad/s"), Axis("friction", "N m")

@@ -6,10 +6,11 @@ from twin.experiment import SETTLE
 from twin.hardware.actuator import motor
 from twin.hardware.linkage import end_angles, middle
 from twin.hardware.potentiometer import potentiometer
+from twin.imperfections import Axis, Line, Mark, Signature, Size, Trial, line_fit
 from twin.parameters import Parameters
 from twin.plant.leg import robot
 from twin.robot.kinematics import body
-from twin.signatures.signature import Axis, Line, Mark, Signature, Size, Trial, lag, line_fit, pair
+from twin.signatures.lab import lag, pair
 from twin.truth import arm, truth
 
 SLOWEST = 0.002  # [m/s] of a rod that is waited for
