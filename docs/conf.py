@@ -23,11 +23,12 @@ extensions = [
     "formulas",  # those below are in _site
     "docstrings",
     "reference",
+    "imperfections",
     "closed",
 ]
 # A pattern in a list of pages may match none yet; this warning has no type by which Sphinx could leave it out.
 logging.getLogger("sphinx.sphinx.directives.other").addFilter(lambda r: getattr(r, "subtype", "") != "empty_glob")
-exclude_patterns = ["_site", "gallery/*.rst", "search.md"]  # search.html is the page of the search
+exclude_patterns = ["_site", "gallery/*.rst", "generated/imperfections", "search.md"]  # search.html searches
 suppress_warnings = [
     "config.cache",  # the gallery's settings are objects
     "ref.python",  # a short name in a signature may stand for two objects

@@ -221,6 +221,7 @@ _ROWS_IN_ORDER = (
     ),
 )
 _ROWS = {row.name: row for row in (*_ROWS_IN_ORDER, *_rows_of(*IMPERFECTIONS))}
+ORDERED = len(_ROWS_IN_ORDER)  # rows before those of new imperfections
 TABLE: tuple[Row, ...] = tuple(_ROWS.values())
 
 

@@ -8,8 +8,9 @@ import pytest
 from cases import OTHER_SIZES, SIGNATURES
 
 from twin import IMPERFECTIONS, Parameters
+from twin.imperfections import Signature
 from twin.parameters import TABLE as ROWS
-from twin.signatures import TABLE, Signature, signatures
+from twin.signatures import TABLE, signatures
 
 SETS = {"nominal": Parameters(), "other": Parameters(OTHER_SIZES)}
 PERFECT = Parameters().switched_off(IMPERFECTIONS)

@@ -11,7 +11,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from twin.hardware.actuator import check_rotor
 from twin.hardware.linkage import clearance, end_angles
-from twin.parameters import JOINTS, TABLE, Parameters, Row
+from twin.parameters import JOINTS, ORDERED, TABLE, Parameters, Row
 
 ROWS = {row.name: row for row in TABLE}
 WHOLE = frozenset({"pwm_bits", "adc_bits"})  # rows with whole numbers
@@ -114,8 +114,10 @@ class Draws:
         return Draw(Parameters(values), redrawn)
 
     def _values(self, limits: Mapping[str, tuple[float, float]], rng: np.random.Generator) -> dict[str, float]:
-        # Numbers for all rows, so that a row's does not depend on the others.
-        shares = dict(zip(ROWS, rng.random(len(ROWS)), strict=True))
+        # Numbers for all rows, so that a row's does not depend on the others; those of new imperfections come
+        # from another generator, which leaves the numbers of a second draw as they were.
+        numbers = *rng.random(ORDERED), *rng.spawn(1)[0].random(len(ROWS) - ORDERED)
+        shares = dict(zip(ROWS, numbers, strict=True))
         return {name: self._value(name, *span, shares[name]) for name, span in limits.items()}
 
     def _value(self, name: str, low: float, high: float, share: float) -> float:

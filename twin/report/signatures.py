@@ -13,8 +13,7 @@ from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
 from sysid.report.page import Grid, Picture, Section
 from twin.imperfections import TABLE as IMPERFECTIONS
-from twin.imperfections import Imperfection
-from twin.signatures import Mark, Signature
+from twin.imperfections import Imperfection, Mark, Signature
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +31,6 @@ PLACES = {
     "corner": ((1.0, 1.0), (14, 2), "left", "center"),
     "top left": ((0.0, 1.0), (-6, 2), "right", "bottom"),
 }
-MARKS = ("<!-- from here on made by scripts/signatures.py -->\n", "<!-- end of sizes -->\n")  # in the documentation
 ROOM = 0.4  # of the axes' width, for the text of a mark that stands outside of the data
 
 
@@ -70,15 +68,15 @@ def sizes(signatures: Sequence[Signature]) -> Grid:
 
 
 def markdown(signatures: Sequence[Signature]) -> str:
-    """docs/imperfections.md from its table of sizes on: the text and the pictures of each imperfection."""
+    """The table of sizes, and the text and the pictures of each imperfection, KEY.png beside it."""
     grid = sizes(signatures).only("switch", "what is measured", "joint", "measured", "true", "unit")
     chapters = [_chapter(imperfection, signatures) for imperfection in IMPERFECTIONS.values()]
-    return "\n".join([MARKS[0] + grid.markdown() + MARKS[1], *chapters])
+    return "\n".join([grid.markdown(), *chapters])
 
 
 def _chapter(i: type[Imperfection], signatures: Sequence[Signature]) -> str:
     """The heading, text and pictures of an imperfection."""
-    first, *rest = [f"![{s.sentence}](imperfections-{s.key}.png)" for s in signatures if s.name == i.name]
+    first, *rest = [f"![{s.sentence}]({s.key}.png)" for s in signatures if s.name == i.name]
     texts = [i.about, f"Model: {i.model}", f"Parameters: {i.parameters}", first, i.remark, *rest]
     lines = [text if text.startswith("![") else textwrap.fill(text, 120, break_on_hyphens=False) for text in texts]
     return "\n\n".join(text for text in (f"## {i.title}: `{i.name}`", *lines) if text) + "\n"

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from sysid.base.checks import checked
 from twin.imperfections import TABLE as IMPERFECTIONS
-from twin.imperfections import Axis, Line, Mark, Show, Signature, Size
+from twin.imperfections import Show, Signature
 from twin.parameters import Parameters
 from twin.signatures import electronics, friction, lab, mechanics
 
@@ -51,4 +51,4 @@ def signatures(
     return tuple(results)
 
 
-__all__ = ["TABLE", "Axis", "Line", "Mark", "Signature", "Size", "signatures"]
+__all__ = ["TABLE", "signatures"]
