@@ -35,13 +35,16 @@ make_venv() {
     fi
 }
 
-# install EXTRA, where EXTRA is empty or [test] or [dev].
+# install EXTRA, where EXTRA is empty or [test] or [docs]. Where the project itself is current, pip gets its name alone:
+# the extra's packages come, and the project stays with the loops that were compiled for it.
 install() {
+    what="$root$1"
+    [ "$(cat "$venv/qpal-installed" 2>/dev/null)" != "$wanted" ] || what="qpal$1"
     say "Installing qpal$1 into $venv (minutes when nothing is cached)"
     if command -v uv >/dev/null 2>&1; then
         uv pip install --quiet --python "$venv/bin/python" --reinstall-package qpal "qpal$1 @ file://$root"
     else
-        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$root$1"
+        "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "$what"
     fi || fail "The installation failed; the lines above say why. Is the package index within reach?"
 }
 
