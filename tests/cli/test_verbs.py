@@ -189,8 +189,15 @@ def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_pat
     assert "Structure search" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
 
 
+@pytest.fixture(scope="module")
+def directly():
+    """The thigh's simulated record, identified without a file."""
+    experiment = twin.Experiment(joint="thigh", duration=60.0, seed=3).run()
+    return evaluate(Setting(HammersteinWiener(2, 2, 1)), *quick_start(experiment.io()))
+
+
 @pytest.mark.parametrize("suffix", formats.WRITTEN)
-def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tmp_path, capsys):
+def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, directly, tmp_path, capsys):
     log = tmp_path / f"thigh{suffix}"
     arguments = ["--joint", "thigh", "--duration", "60", "--seed", "3", "--log", str(log), "--out", str(tmp_path / "s")]
     assert main(["simulate", *arguments]) == 0
@@ -199,10 +206,8 @@ def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, tm
     for columns in ([], named):
         assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
         summary = json.loads(capsys.readouterr().out)
-        experiment = twin.Experiment(joint="thigh", duration=60.0, seed=3).run()
-        direct = evaluate(Setting(HammersteinWiener(2, 2, 1)), *quick_start(experiment.io()))
         assert summary["read"]["Ts"] == 0.1
-        assert summary["fit_percent"]["validation"] == pytest.approx(direct.validation_fit, abs=1e-9)
+        assert summary["fit_percent"]["validation"] == pytest.approx(directly.validation_fit, abs=1e-9)
 
 
 def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):

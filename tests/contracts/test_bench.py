@@ -12,6 +12,7 @@ import numpy as np
 import polars as pl
 import pytest
 from cluster import cluster
+from often import often
 
 from sysid.base.errors import InputError
 from sysid.base.files import seal
@@ -51,7 +52,7 @@ def bench(path, *more):
     return [sys.executable, "-m", "twin.cli", "bench", "run", *QUICK, "--out", str(path), *more]
 
 
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", often(2, 1))
 def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path, seed):
     """SIGKILL at a random moment, as often as it takes; the table then equals that of a run in one piece."""
     rng, path = np.random.default_rng(seed), tmp_path / "b.parquet"

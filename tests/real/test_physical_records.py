@@ -68,6 +68,7 @@ class _Other:
     given = "emps: another record"
 
 
+@pytest.mark.nightly
 @pytest.mark.long
 def test_pendulum_twin_beats_every_chain_on_the_held_out_logs(records):
     """XL330: 0.059 rad reached by the MuJoCo twin, with a speed and torque within a tenth of the data sheet's."""

@@ -3,12 +3,20 @@
 import numpy as np
 import pytest
 
+from sysid.base.parallel import one_blas_thread
 from twin.calibrate.discrepancy import covariance, directions, drifting, estimate, repeating, sizes
 from twin.calibrate.identifiability import LIMIT, promised_covariance, tell
 from twin.calibrate.problem import Free, Record, Simulations
 
 TS, N = 0.05, 1600
 T = np.arange(N) * TS
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread():
+    """Small matrices, thousands of times: beside another worker, threads of BLAS mostly wait for each other."""
+    with one_blas_thread():
+        yield
 
 
 def sweep():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from often import often
 from scipy.optimize import least_squares
 from scipy.signal import lfilter
 from scipy.stats import chi2
@@ -32,11 +33,11 @@ def test_noise_free_poles_to_1e_6(name, search):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(TABLE))
-def test_fit_within_a_tenth_of_the_oracle(name, seeds):
+def test_fit_within_a_tenth_of_the_oracle(name):
     """1 % noise, N 4000, five starts: validation within 0.1 point of the true model's on at least 99 % of seeds."""
     plant = system(name)
     gaps = []
-    for seed in seeds:
+    for seed in often(100, 4):
         rng = np.random.default_rng(seed)
         estimation, validation = plant.record(4000, 0.01, rng), plant.record(4000, 0.01, rng)
         fit = sysid.fit(plant.chain, estimation, search="lm", seed=seed)
