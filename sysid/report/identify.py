@@ -64,10 +64,15 @@ def terminal_sentences(result: Identification) -> list[str]:
     selection = [] if result.selection is None else [_search_result(result.selection)]
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     search_notes = () if result.selection is None else result.selection.notes
-    notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *e.notes)]
+    notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *_notes(e))]
     sentences = [*_no_joint(e), *selection, *_growth_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
     last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
     return [_with_commands(text, result.record) for text in (*_bad(result), *sentences, *last, *_next(result))]
+
+
+def _notes(e: Evaluation) -> list[str]:
+    """The notes, but what the sentence on the search says."""
+    return [note for note in e.notes if e.fit.stop.reason not in note]
 
 
 def _with_commands(text: str, record: Record) -> str:
@@ -116,8 +121,8 @@ def ranking_grid(result: Identification) -> Grid:
         rows.append((str(k) if row.round else "–", c.short, maps, fit, str(row.d) if row.round else "–", mark))
     total = sum(row.round > 0 for row in result.selection.rows)
     caption = (
-        f"The best {min(RANKED, total)} of {total} candidates, the chosen one and the best of every structure: fit on "
-        "unseen parts of the estimation data"
+        f"The best {min(RANKED, total)} of {total} candidates that were tried, the chosen one and the best of every "
+        "structure: fit on unseen parts of the estimation data"
     )
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
 
@@ -177,7 +182,7 @@ def _verdict(result: Identification) -> list[str]:
     """The first sentences of the page."""
     e = result.evaluation
     selection = [] if result.selection is None else [_search_result(result.selection)]
-    notes = [f"Note: {note}." for note in e.notes]
+    notes = [f"Note: {note}." for note in _notes(e)]
     has_command = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
     opening = [] if has_command else _bad(result)
     texts = [

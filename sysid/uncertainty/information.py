@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 GAUGE = "depends on how gain and offset are shared between the blocks, which no record determines"
 UNEXCITED = "the record does not excite it"
-BOUND = "is at a bound, beyond which the record would take it"
+BOUND = "is held at the bound of its range: the record alone would put it beyond, so it has no interval"
 TESTED = "tested"
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined

@@ -107,7 +107,10 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     ),
     "search": (["good.csv", "--ts", "1", "--search", "luck"], ["search 'luck'", "lm"]),
     "detrend": (["good.csv", "--ts", "1", "--detrend", "all"], ["detrend 'all'", "mean", "none"]),
-    "orders length": (["good.csv", "--ts", "1", "--orders", "2,3"], ["'2,3'", "2 part(s)", "2,3,1"]),
+    "orders length": (
+        ["good.csv", "--ts", "1", "--orders", "2,3"],
+        ["'2,3'", "2 part(s)", "nk (delay in samples)", "2,3,1"],
+    ),
     "orders text": (["good.csv", "--ts", "1", "--orders", "a,b,c"], ["'a,b,c'", "whole numbers"]),
     "orders fraction": (["good.csv", "--ts", "1", "--orders", "1.5,2,1"], ["'1.5,2,1'", "whole numbers"]),
     "orders negative": (["good.csv", "--ts", "1", "--orders", "2,-1,1"], ["'2,-1,1'", "nf -1", "from 0"]),

@@ -123,3 +123,14 @@ def test_work_of_known_length_tells_the_time_that_is_left(monkeypatch, capsys):
         "qpal: 300 s, 100 %: 12 robots, about 0 s left",
         "qpal: 300 s, 100 %: 12 robots",
     ]
+
+
+def test_the_time_that_is_left_does_not_grow_while_a_step_is_silent(monkeypatch, capsys):
+    now = [100.0]
+    monkeypatch.setattr(console.time, "monotonic", lambda: now[0])
+    lines = console._Lines(200.0, known=True)
+    for gone, left in ((20.0, ", about 60 s left"), (50.0, ", about 30 s left"), (90.0, "")):
+        now[0] = 100.0 + gone
+        lines.update(50.0, "12 robots")
+        lines.write()
+        assert capsys.readouterr().err == f"qpal: {gone:.0f} s, 25 %: 12 robots{left}\n"

@@ -12,7 +12,7 @@ from sysid.workflow import design as design_of
 from sysid.workflow.remarks import extrapolated_signals, gain_remarks
 from twin.cli import recipes
 from twin.compare.comparison import MODEL, TWIN
-from twin.report import compare
+from twin.report import calibrate, compare, simulate
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,32 @@ def test_the_name_of_a_file_stays_as_it_is(kind, label, first):
         kind=kind, label=label, regimes=(regime,), rms=0.1, fit=90.0, noise=0.01, alignment=None, verdict=None
     )
     assert compare.sentences(result, "log.csv")[0].startswith(f"{first} follows the log")
+
+
+@pytest.mark.parametrize(
+    ("late", "converged", "words"),
+    [
+        (True, True, "The search made 3 iterations: it ended."),
+        (True, False, "The search made 3 iterations: it ended."),
+        (False, True, "The search converged after 3 iterations: it ended."),
+        (False, False, "The search did not converge after 3 iterations: it ended."),
+    ],
+)
+def test_a_search_that_was_stopped_did_not_converge_in_the_same_sentence(late, converged, words, monkeypatch):
+    monkeypatch.setattr(calibrate.advice, "sentences", lambda result: [])
+    found = SimpleNamespace(late=late, stop=SimpleNamespace(iterations=3), descents=1)
+    ended = {"converged": converged, "reason": "it ended", "scores": (), "next_step": lambda: ""}
+    assert calibrate.sentences(SimpleNamespace(found=found, **ended)) == [words]
+
+
+@pytest.mark.parametrize(
+    ("switches", "words"),
+    [([], "thigh, with every imperfection."), (["noise", "delay"], "thigh, without noise, delay.")],
+)
+def test_a_record_says_which_imperfections_it_has(switches, words):
+    data = IOData(np.arange(9.0), np.arange(9.0), 0.1, "voltage", "angle", "V", "rad")
+    part = SimpleNamespace(joint="thigh", data=data, y_true=data.y[:, 0])
+    assert simulate._pictures(part, "voltage", switches)[0].caption.endswith(words)
 
 
 def test_a_structure_may_be_named_as_tables_print_it():

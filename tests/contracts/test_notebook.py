@@ -13,7 +13,9 @@ import sysid
 from sysid.data.preprocess import detrend
 from sysid.notebook import card
 from sysid.notebook.page import identified
+from sysid.report import identify
 from sysid.systems import system
+from sysid.workflow.saved import Exports
 
 mpl.use("Agg")
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -183,6 +185,11 @@ def test_a_poor_fit_begins_with_a_warning_and_the_call_to_try(data, fit, linear)
     assert "Warning: the free run explains only" in "".join(parsed(linear).shown).partition("sampling")[0]
     stopped = replace(fit, stop=replace(fit.stop, converged=False))
     assert "the search did not converge; go on with fit.refine(" in str(stopped).partition("sampling")[0]
+    reason = stopped.stop.reason
+    stopped = replace(stopped, warnings=(f"the search did not converge: {reason}", "something else"))
+    words = " ".join(identify.page(identified(stopped, data, None), Exports()).verdict)
+    assert words.count(reason) == words.count("something else") == 1
+    assert f"which did not converge: {reason}" in words
 
 
 def test_noise_alone_is_no_reason_for_a_warning():

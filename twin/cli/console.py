@@ -154,24 +154,31 @@ class _Lines:
 
     def __init__(self, total: float, known: bool = False) -> None:
         self._total, self._begun, self._share, self._name = total, time.monotonic(), 0.0, ""
-        self._known = known
+        self._known, self._moved = known, self._begun
 
     def update(self, share: float, name: str) -> None:
         """Keep it for the next line."""
+        self._moved = time.monotonic() if share / self._total != self._share else self._moved
         self._share, self._name = share / self._total, name
 
     def write(self) -> None:
         """The next line."""
         duration = time.monotonic() - self._begun
-        time_left = _time_left(duration, self._share) if self._known else ""
+        time_left = _time_left(self._moved - self._begun, self._share, time.monotonic() - self._moved)
+        time_left = time_left if self._known else ""
         say(f"qpal: {duration:.0f} s, {100 * self._share:.0f} %: {self._name}{time_left}")
 
 
-def _time_left(duration: float, share: float) -> str:
-    """The time left after `duration` [s], in words; nothing while too little is done to tell."""
+def _time_left(duration: float, share: float, since: float = 0.0) -> str:
+    """The time left `since` [s] the share was reached after `duration` [s], in words.
+
+    Nothing while too little is done to tell, and where the next step takes longer than expected.
+    """
     if share < _TELLING:
         return ""
-    seconds = duration * (1.0 - share) / share
+    seconds = duration * (1.0 - share) / share - since
+    if seconds < 0.0:
+        return ""
     return f", about {seconds:.0f} s left" if seconds < 120.0 else f", about {seconds / 60.0:.0f} min left"
 
 

@@ -14,6 +14,7 @@ from sysid.formats import TABLE as FORMATS
 
 if TYPE_CHECKING:
     from sysid.channels.mapping import Range as TimeRange
+    from sysid.model.recipes import Option
     from twin.log import Log
     from twin.parameters import Parameters
 
@@ -93,10 +94,11 @@ Scheduler = Annotated[
 ]
 
 
-def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
-    """Orders by name from '2,3,1'; `names` holds the smallest value of each, in the order in which they are given."""
+def orders(text: str, names: "dict[str, Option]", example: str) -> dict[str, int]:
+    """Orders by name from '2,3,1'; `names` holds what each is, in the order in which they are given."""
     parts = [part.strip() for part in text.split(",")]
-    advice = f"give {len(names)} whole numbers {','.join(names)}, for example {example}"
+    meanings = ", ".join(f"{name} ({option.help})" for name, option in names.items())
+    advice = f"give {len(names)} whole numbers: {meanings}, for example {example}"
     if len(parts) != len(names):
         raise InputError(f"--orders is {text!r} with {len(parts)} part(s); {advice}")
     try:
@@ -104,8 +106,8 @@ def orders(text: str, names: dict[str, int], example: str) -> dict[str, int]:
     except ValueError:
         raise InputError(f"--orders is {text!r}, which are not all whole numbers; {advice}") from None
     for name, value in values.items():
-        if not names[name] <= value <= 100:
-            raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {names[name]} to 100")
+        if not (least := names[name].least) <= value <= 100:
+            raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {least} to 100")
     return values
 
 

@@ -53,8 +53,8 @@ def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None
             )
     text = settings.pop(ORDERS, None)
     if text is not None:
-        least = {name: kind.options()[name].least for name in kind.of_kind("order")}
-        settings |= options.orders(text, least, _example(kind))
+        names = {name: kind.options()[name] for name in kind.of_kind("order")}
+        settings |= options.orders(text, names, _example(kind))
     if start is not None:
         from sysid.workflow.setting import settings_of
 

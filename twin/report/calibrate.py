@@ -61,11 +61,9 @@ _LEFT = "A residual that repeats with place and direction belongs to an effect t
 
 def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
-    texts = [
-        *advice.sentences(result),
-        f"The search {'converged' if result.converged else 'did not converge'} after {result.found.stop.iterations} "
-        f"iterations: {result.reason}.",
-    ]
+    end = "converged after" if result.converged else "did not converge after"
+    end = "made" if result.found.late else end  # its reason is that it was stopped
+    texts = [*advice.sentences(result), f"The search {end} {result.found.stop.iterations} iterations: {result.reason}."]
     if result.next_step():
         texts.append(result.next_step())
     if result.found.descents > 1:

@@ -274,7 +274,7 @@ def _shade(ax: Axes, t: np.ndarray, stance: np.ndarray) -> None:
 def joints(result: Crawl) -> Figure:
     """Planned and real angle of every joint, one row per leg."""
     figure, axes = style.sheet(4, 3, height=7.6, sharex=True)
-    sides = (result.plan.angles, style.SECOND, "planned"), (result.walk.angles, style.MODEL, "did")
+    sides = (result.plan.angles, style.SECOND, "planned"), (result.walk.angles, style.MODEL, "walked")
     for i, (leg, row) in enumerate(zip(NAMES, axes, strict=True)):
         for j, (joint, ax) in enumerate(zip(JOINTS, row, strict=True)):
             for angles, colour, label in sides:

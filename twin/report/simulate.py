@@ -54,13 +54,13 @@ def _leg(result: Simulation) -> Picture:
 
 def _pictures(part: Part, mode: str, switches: list[str]) -> list[Picture]:
     """The record of a joint, and the error of its reading."""
-    data, missing = part.data, ", ".join(switches) or "nothing"
+    data, present = part.data, f"without {', '.join(switches)}" if switches else "with every imperfection"
     error = {"error": data.y[:, 0] - part.y_true}
     return [
         Picture.of(
             f"data-{part.joint}",
             record_figure(data),
-            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}; switched off: {missing}.",
+            f"{_INPUT[mode]} and angle that the potentiometer read, {part.joint}, {present}.",
         ),
         Picture.of(
             f"measurement-error-{part.joint}",
