@@ -140,6 +140,17 @@ class Block(ABC):
         """theta (p,) of this block that gives exactly the curve of its coarser block at theta."""
         return theta
 
+    def finer(self, theta: np.ndarray, x: np.ndarray, knots: int) -> "tuple[Block, np.ndarray] | None":
+        """This map with `knots` break points at fixed places over the range of x (N,), and its theta with this curve.
+
+        None of a block that is no map on break points.
+        """
+        return None
+
+    def slope_changes(self) -> np.ndarray:
+        """Rows (k, p): rows theta are the changes of slope at the inner break points of a map at fixed places."""
+        return np.empty((0, self.n_parameters))
+
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot (k,), divided by the map's mean slope, and the derivative (k, p).
 

@@ -135,6 +135,32 @@ class PiecewiseLinear(Written, StaticBlock):
             fine = np.insert(fine, widest + 1, 0.5 * (fine[widest] + fine[widest + 1]))
         return np.concatenate([fine, np.interp(fine, x, y)])
 
+    def finer(self, theta: np.ndarray, x: np.ndarray, knots: int) -> "tuple[PiecewiseLinear, np.ndarray]":
+        """Its own break points inside the range of x, its ends, and places that halve the widest gaps.
+
+        Where the places are given they stay.
+        """
+        lo, hi = float(x.min()), float(x.max())
+        if not self.free_knots or not lo < hi:
+            return self, theta
+        gap = _GAP * (hi - lo)
+        places = [lo]
+        for place in self._points(theta)[0].tolist():
+            if place > places[-1] + gap and place < hi - gap:
+                places.append(place)
+        places.append(hi)
+        while len(places) < knots:
+            widest = int(np.argmax(np.diff(places)))
+            places.insert(widest + 1, 0.5 * (places[widest] + places[widest + 1]))
+        block = replace(self, knots=len(places), free_knots=False, at=tuple(places))
+        return block, self.output(theta, np.array(places))
+
+    def slope_changes(self) -> np.ndarray:
+        if self.free_knots:
+            return super().slope_changes()
+        slopes = np.diff(np.eye(self.knots), axis=0) / np.diff(self.at)[:, None]
+        return np.asarray(np.diff(slopes, axis=0))
+
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         turned, n = bool(a[0] < 0.0), self.knots
         places = np.sort(np.array(self.at) / a[0])

@@ -10,7 +10,9 @@
    it (`continue_from_reference`, `continue_from_linear_model`).
 6. Refine: the search goes on while the thresholds that are set in noise deviations follow the noise, and with less
    smoothing where smoothing costs more than a linear start has (`follow_noise`, `ease_curvature`).
-7. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
+7. Finer maps, where the objective asks for them: many break points, with a prior that the record chooses
+   (`finer_maps`).
+8. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
 """
 
 import time
@@ -26,6 +28,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
 from sysid.data.record import IOData, check_magnitudes
+from sysid.estimation.finer_maps import finer_maps
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,
@@ -94,6 +97,8 @@ def fit_chain(
             reference = _given_reference(context, result)
         result = follow_noise(context, result)
         result = ease_curvature(context, result, reference)
+        if objective.knots:
+            model, normal, result = finer_maps(model, data, normal, result, context)
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)

@@ -8,8 +8,9 @@ import numpy as np
 
 from sysid.data.record import IOData
 from sysid.estimation.objective import huber
+from sysid.estimation.prior import Prior
 from sysid.model.chain import Chain
-from sysid.solver.covariance import Covariance, covariance, rank
+from sysid.solver.covariance import Covariance, covariance, effective_count, rank
 from sysid.solver.iterate import Linearisation, Options, Rows, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
@@ -23,9 +24,8 @@ class ChainProblem:
 
     theta0 (K, P) is the point p = 0, one row for each experiment; the rows differ only in the initial states. moving
     (P,) marks the directions of the chain's basis in p. The directions of the first experiment come first (n,), then
-    the initial states of the others. Missing samples are left out. `huber_threshold` is in the unit of y;
-    `prior_weight` (P,) weighs the distance to `nominal` (P,) (ridge); `curvature_weight` weighs the maps' kinks, in
-    the unit of y.
+    the initial states of the others. Missing samples are left out. `huber_threshold` is in the unit of y; `prior` adds
+    errors of its own; `curvature_weight` weighs the maps' kinks, in the unit of y.
     """
 
     chain: Chain
@@ -33,8 +33,7 @@ class ChainProblem:
     records: tuple[IOData, ...]
     moving: np.ndarray
     huber_threshold: float = np.inf
-    prior_weight: np.ndarray | None = None
-    nominal: np.ndarray | None = None
+    prior: Prior | None = None
     curvature_weight: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
     scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
@@ -98,8 +97,8 @@ class ChainProblem:
         if not self.chain.admissible(thetas[0]):
             return None
         parts = [self._free_run_errors(theta, r) for theta, r in zip(thetas, self.records, strict=True)]
-        if self.prior_weight is not None:
-            parts.append(self.prior_weight * (self._nominal - thetas[0]))
+        if self.prior is not None:
+            parts.append(self.prior.errors(thetas[0]))
         if self.curvature_weight:
             parts.append(-self.curvature_weight * self.chain.kinks(thetas[0])[0])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
@@ -139,7 +138,7 @@ class ChainProblem:
     @property
     def bare(self) -> "ChainProblem":
         """The same without penalties."""
-        return replace(self, prior_weight=None, curvature_weight=0.0)
+        return replace(self, prior=None, curvature_weight=0.0)
 
     @property
     def plain(self) -> "ChainProblem":
@@ -158,9 +157,12 @@ class ChainProblem:
         return self._count(p, self._bare_linearisation(p))
 
     def uncertainty(self, p: np.ndarray) -> tuple[Covariance, int]:
-        """`covariance` and `count`, from one Jacobian."""
+        """`covariance` and `count`, from one Jacobian; of the posterior where the record has chosen the prior."""
         lin = self._bare_linearisation(p)
-        free, d = ~self.blocked(p, lin.gradient), self._count(p, lin)
+        d = self._count(p, lin)
+        if self.prior is not None and self.prior.chosen:
+            lin, d = self._posterior(p, lin)
+        free = ~self.blocked(p, lin.gradient)
         theta, n = self.thetas(p)[0], int(self.moving.sum())
         basis = np.zeros((len(theta), len(p)))
         basis[:, :n] = self.chain.basis[:, self.moving]
@@ -170,16 +172,17 @@ class ChainProblem:
         cov = covariance(lin.along(free), redundant[free], basis[:, free], d)
         return replace(cov, at_bound=np.any(basis[:, ~free] != 0.0, axis=1)), d
 
+    def _posterior(self, p: np.ndarray, bare: Linearisation) -> tuple[Linearisation, int]:
+        """The problem with its prior, which leaves the noise to the record's own errors, and d."""
+        full = self.compact(p) or Linearisation.of(*self.linearise(p))
+        return replace(full, cost=bare.cost, N=bare.N), round(effective_count(bare, full))
+
     def _bare_linearisation(self, p: np.ndarray) -> Linearisation:
         return self.bare.compact(p) or Linearisation.of(*self.bare.linearise(p))
 
     def _count(self, p: np.ndarray, lin: Linearisation) -> int:
         free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.experiment_states.sum())
         return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
-
-    @property
-    def _nominal(self) -> np.ndarray:
-        return np.zeros(self.theta0.shape[1]) if self.nominal is None else self.nominal
 
     def _free_run_errors(self, theta: np.ndarray, record: IOData) -> np.ndarray:
         """e of one record's observed samples."""
@@ -229,12 +232,12 @@ class ChainProblem:
         return e, wide
 
     def _penalties(self, theta: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """e and J of the ridge and of the kinks."""
+        """e and J of the prior and of the kinks."""
         n, width = int(self.moving.sum()), len(self.start)
-        if self.prior_weight is not None:
-            wide = np.zeros((len(self.prior_weight), width))
-            wide[:, :n] = self.prior_weight[:, None] * self.chain.basis[:, self.moving]
-            yield self.prior_weight * (self._nominal - theta), wide
+        if self.prior is not None:
+            wide = np.zeros((len(self.prior.weight), width))
+            wide[:, :n] = self.prior.jacobian(self.chain.basis[:, self.moving])
+            yield self.prior.errors(theta), wide
         if self.curvature_weight:
             kink, d = self.chain.kinks(theta)
             wide = np.zeros((len(kink), width))

@@ -12,6 +12,7 @@ from sysid.base.parallel import available_cores
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
+from sysid.estimation.prior import Prior
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._start import longest
 from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting_points
@@ -53,15 +54,13 @@ class SearchContext:
 
     def problem(self, thetas: np.ndarray) -> ChainProblem:
         """The problem around thetas (K, P)."""
-        prior_weight, nominal = _ridge(self.model, self.objective)
         return ChainProblem(
             self.model,
             thetas,
             self.data.experiments,
             self.model.free,
             self.huber_threshold,
-            prior_weight,
-            nominal,
+            _ridge(self.model, self.objective),
             weights=np.array(self.objective.weights or (1.0,)),
         )
 
@@ -85,16 +84,17 @@ class SearchContext:
         return time.monotonic() > self.options.deadline
 
 
-def _ridge(model: Chain, objective: Objective) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Weights (P,) of the distances to the nominal values (P,), and these; None without a ridge."""
+def _ridge(model: Chain, objective: Objective) -> Prior | None:
+    """The distance of the parameters to their nominal values; None without a ridge."""
     if not objective.ridge:
-        return None, None
+        return None
     for name in objective.nominal:
         if name not in model.names:
             raise unknown("parameter", name, model.names)
     nominal = np.array([objective.nominal.get(name, 0.0) for name in model.names])
     size = np.where(nominal != 0.0, np.abs(nominal), 1.0)
-    return np.where(model.free & ~model.initial, np.sqrt(objective.ridge) / size, 0.0), nominal
+    weight = np.where(model.free & ~model.initial, np.sqrt(objective.ridge) / size, 0.0)
+    return Prior(np.eye(len(nominal)), nominal, weight)
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,18 @@ def rank(lin: Linearisation) -> int:
     return int(np.sum(s > _RCOND * s[0])) if s[0] > 0 else 0
 
 
+def effective_count(data: Linearisation, full: Linearisation) -> float:
+    """Effective number of parameters, trace of (J'J + W'W)^+ J'J: `full` has the rows W of a prior beside those of J.
+
+    A parameter that the data determine counts 1, one that the prior holds 0 (MacKay 1992, Neural Computation 4,
+    equation 3.12).
+    """
+    scale = column_scale(full.R)
+    _, s, Vt = np.linalg.svd(full.R / scale)
+    keep = s > _RCOND * s[0]
+    return float(np.sum(((data.R / scale) @ (Vt.T[:, keep] / s[keep])) ** 2))
+
+
 def _unidentifiable(null: np.ndarray, gauge: np.ndarray) -> np.ndarray:
     """Parameters (P,) with a component in directions, other than the gauge, that the data do not determine."""
     if gauge.shape[1]:

@@ -8,6 +8,7 @@ from scipy.special import ndtri
 import sysid
 from sysid.base.poles import match
 from sysid.estimation.objective import huber, spread
+from sysid.estimation.prior import Prior
 from sysid.estimation.problem import ChainProblem
 from sysid.solver.iterate import Options
 from sysid.structures import hammerstein_wiener
@@ -90,20 +91,23 @@ def test_ridge_ends_at_the_nominal_point_and_starts_at_least_squares():
         sysid.fit(first_order(), data, objective=Objective(ridge=1.0, nominal={"b0": 1.0}))
 
 
+PRIOR = Prior(np.random.default_rng(8).normal(size=(5, 16)), np.arange(5.0), np.array([0.3, 0.1, 1.0, 2.0, 0.0]))
+
+
 @pytest.mark.parametrize(
     "on_top",
     [
         {},
         {"huber_threshold": 0.1},
-        {"prior_weight": np.full(16, 0.3)},
+        {"prior": PRIOR},
         {"weights": np.array([3.0])},
         {"curvature_weight": 2.0},
-        {"huber_threshold": 0.1, "prior_weight": np.full(16, 0.3), "weights": np.array([3.0]), "curvature_weight": 2.0},
+        {"huber_threshold": 0.1, "prior": PRIOR, "weights": np.array([3.0]), "curvature_weight": 2.0},
     ],
-    ids=["squares", "huber", "ridge", "weights", "curvature", "all"],
+    ids=["squares", "huber", "prior", "weights", "curvature", "all"],
 )
 def test_problem_jacobian_agrees_with_finite_differences(on_top):
-    """What can stand around the free run, alone and at once: three experiments, gaps, Huber, ridge, weights and
+    """What can stand around the free run, alone and at once: three experiments, gaps, Huber, a prior, weights and
     curvature."""
     rng = np.random.default_rng(3)
     plant = system("textbook")
@@ -115,8 +119,8 @@ def test_problem_jacobian_agrees_with_finite_differences(on_top):
     e, J = problem.linearise(p)
     np.testing.assert_array_equal(e, problem.residual(p))
     samples = 200 + int(b.observed.sum()) + 120
-    # A row for each parameter of the ridge, and two kinks of a map of four knots.
-    assert len(e) == samples + 16 * ("prior_weight" in on_top) + 2 * ("curvature_weight" in on_top)
+    # Five rows of the prior, and two kinks of a map of four knots.
+    assert len(e) == samples + 5 * ("prior" in on_top) + 2 * ("curvature_weight" in on_top)
     h = 1e-6
     for i in range(len(p)):
         step = np.zeros_like(p)

@@ -9,6 +9,7 @@ import pytest
 import sysid
 from sysid.blocks import Delay, PiecewiseLinear, Polynomial, TransferFunction
 from sysid.estimation import problem
+from sysid.estimation.prior import Prior
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Linearisation, linearise_free
@@ -92,8 +93,7 @@ def test_missing_samples_weights_thresholds_and_penalties_count_in_pieces():
         (data,),
         chain.free,
         huber_threshold=0.8,
-        prior_weight=rng.uniform(size=len(theta)),
-        nominal=rng.normal(size=len(theta)),
+        prior=Prior(rng.normal(size=(4, len(theta))), rng.normal(size=4), rng.uniform(size=4)),
         curvature_weight=3.0,
         weights=np.array([0.7]),
     )

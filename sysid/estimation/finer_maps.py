@@ -1,0 +1,188 @@
+"""A stage after the search: maps with many break points, whose changes of slope have a prior that the record chooses.
+
+A map of few free break points cannot follow a smooth curve, and one of many follows the noise. Here every change of
+slope k_i has a Cauchy distribution of one width tau for a map: k_i ~ N(0, 1 / l_i), l_i ~ Gamma(1 / 2, tau^2 / 2). Most
+changes are then almost zero and a few are as large as the record wants: a saturation keeps its two corners, and a
+smooth curve bends a little everywhere. Widths and noise are those of the largest marginal likelihood, by expectation
+and maximisation around the linearised model (Tipping 2001, Journal of Machine Learning Research 1, for the precisions;
+MacKay 1992, Neural Computation 4, for the noise).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+from sysid.data.record import IOData
+from sysid.estimation.normal import Normal
+from sysid.estimation.prior import Prior
+from sysid.estimation.search import SearchContext, SearchResult
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Linearisation
+
+_ROUNDS, _ITERATIONS, _UPDATES = 8, 5, 80  # linearisations, steps of the search in each, and updates of the widths
+_LAST = 40  # steps with the last widths
+_STEADY = 0.02  # largest change of a log precision in an update that ends them
+_SETTLED = 0.1  # the same between two rounds
+_NARROWEST = 1e-9  # tau^2, by the square of the range of the map's slopes
+_JITTER = 1e-11  # of a diagonal of ones: directions that neither the record nor the prior holds
+
+
+@dataclass(frozen=True)
+class _Maps:
+    """Changes of slope as rows (k, P) of theta, by the range of their map's slopes, and the rows of each map."""
+
+    rows: np.ndarray
+    groups: tuple[slice, ...]
+
+
+def finer_maps(
+    model: Chain, data: IOData, normal: Normal, result: SearchResult, context: SearchContext
+) -> tuple[Chain, Normal, SearchResult]:
+    """The model with finer maps, its normal units, and the end of its search there; as given where it has no such map.
+
+    `context` and `result` are those of `model` in the units `normal`.
+    """
+    thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
+    finer, thetas = _finer_chain(model, thetas, data, context.objective.knots)
+    fine_normal = Normal.choose(finer, data, context.objective)
+    chain = fine_normal.chain
+    thetas = np.linalg.solve(fine_normal.M, (thetas - fine_normal.m).T).T
+    maps = _maps(chain, thetas[0])
+    if not maps.groups:
+        return model, normal, result
+    threshold = result.problem.huber_threshold * normal.size / fine_normal.size
+    context = replace(context, model=chain, data=fine_normal.data, unit=fine_normal.size, huber_threshold=threshold)
+    held = _scales(chain, thetas[0])
+    problem = replace(context.problem(thetas), moving=chain.free & ~held)
+    costs = tuple(c * (normal.size / fine_normal.size) ** 2 for c in result.costs)
+    result = replace(result, problem=problem, outcome=replace(result.outcome, p=problem.start), costs=costs)
+    return finer, fine_normal, _fit_with_prior(context, result, maps)
+
+
+def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> tuple[Chain, np.ndarray]:
+    """The chain with finer maps, and thetas (K, P) with the same output; only maps of free parameters change."""
+    runs = [model.signals(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
+    blocks, parts = [], []
+    for k, block in enumerate(model.blocks):
+        part = model.index(block)
+        change = None
+        if block.channels == (1, 1) and model.free[part].all() and not _limited(model, part):
+            x = np.concatenate([run[k].reshape(-1) for run in runs])
+            change = block.finer(thetas[0, part], x, knots)
+        blocks.append(block if change is None else change[0])
+        parts.append(thetas[:, part] if change is None else np.tile(change[1], (len(thetas), 1)))
+    return replace(model, blocks=tuple(blocks)), np.hstack(parts)
+
+
+def _limited(model: Chain, part: slice) -> bool:
+    """Whether a parameter of this part has bounds of the user's."""
+    return any(name in model.bounds for name in model.names[part])
+
+
+def _maps(chain: Chain, theta: np.ndarray) -> _Maps:
+    """The changes of slope of all maps at fixed places, which are free."""
+    rows, groups, count = [np.empty((0, len(theta)))], [], 0
+    for block in chain.blocks:
+        changes = block.slope_changes()
+        if not len(changes) or not chain.free[chain.index(block)].all():
+            continue
+        part = chain.part(theta, block)
+        slopes = np.cumsum(changes @ part)
+        wide = np.zeros((len(changes), len(theta)))
+        wide[:, chain.index(block)] = changes / (float(np.ptp(slopes)) or 1.0)
+        rows.append(wide)
+        groups.append(slice(count, count + len(changes)))
+        count += len(changes)
+    return _Maps(np.concatenate(rows), tuple(groups))
+
+
+def _scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
+    """True (P,) for one value of each map before a filter: its scale is redundant, and a prior would shrink it."""
+    held = np.zeros(len(theta), dtype=bool)
+    for block in chain.blocks[:-1]:
+        if len(block.slope_changes()):
+            held[chain.index(block).start + int(np.argmax(np.abs(chain.part(theta, block))))] = True
+    return held
+
+
+def _fit_with_prior(context: SearchContext, result: SearchResult, maps: _Maps) -> SearchResult:
+    """The search goes on, in rounds of new precisions for the linearised model and a few steps with these."""
+    problem, outcome = result.problem, result.outcome
+    n = int(problem.moving.sum())
+    basis = np.zeros((problem.theta0.shape[1], len(problem.start)))
+    basis[:, :n] = problem.chain.basis[:, problem.moving]
+    precisions = _Precisions(maps, maps.rows @ basis)
+    options = replace(context.options, max_iterations=min(_ITERATIONS, context.options.max_iterations))
+    for turn in range(_ROUNDS):
+        bare = problem.bare
+        lin = bare.compact(outcome.p) or Linearisation.of(*bare.linearise(outcome.p))
+        change = precisions.update(lin, maps.rows @ problem.thetas(outcome.p)[0], gaussian=turn == 0)
+        weight = np.sqrt(precisions.precision * precisions.noise)
+        candidate = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
+        end = context.iterate(candidate, outcome.p, options)
+        if not np.isfinite(end.cost):
+            break
+        problem, outcome = candidate, outcome.then(end)
+        if (turn > 1 and change < _SETTLED) or context.out_of_time:
+            break
+    if not outcome.stop.converged:
+        outcome = outcome.then(context.iterate(problem, outcome.p, replace(options, max_iterations=_LAST)))
+    return replace(result, problem=problem, outcome=outcome)
+
+
+class _Precisions:
+    """Precisions (k,) of the changes of slope and the variance of the noise, by expectation and maximisation."""
+
+    def __init__(self, maps: _Maps, rows: np.ndarray) -> None:
+        """`rows` (k, n) are those of the maps in the search's directions."""
+        self.groups, self.rows = maps.groups, rows
+        self.precision: np.ndarray = np.empty(0)
+        self.noise = 0.0
+
+    def update(self, lin: Linearisation, changes: np.ndarray, gaussian: bool) -> float:
+        """New values around a linearisation without prior, where the changes of slope are `changes` (k,).
+
+        Returns the largest change of a logarithm. `gaussian`: one precision for a map, which removes corners that an
+        earlier search has left and the record does not want.
+        """
+        if not len(self.precision):
+            self.precision = np.concatenate([np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups])
+            self.noise = lin.cost / lin.N
+        before = np.append(self.precision, self.noise)
+        rest = lin.cost - float(lin.z @ lin.z)
+        for _ in range(_UPDATES):
+            delta, variance, count = self._posterior(lin, changes)
+            e = lin.z - lin.R @ delta
+            self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
+            square = (changes + self.rows @ delta) ** 2 + variance
+            precision = np.concatenate([self._group(g, square[g], gaussian) for g in self.groups])
+            step = float(np.max(np.abs(np.log(precision / self.precision))))
+            self.precision = precision
+            if step < _STEADY:
+                break
+        return float(np.max(np.abs(np.log(np.append(self.precision, self.noise) / before))))
+
+    def _group(self, group: slice, square: np.ndarray, gaussian: bool) -> np.ndarray:
+        """New precisions of one map from the expected squares of its changes of slope."""
+        if gaussian:
+            return np.full(len(square), 1.0 / _square(np.sqrt(square)))
+        tau2 = max(len(square) / float(np.sum(self.precision[group])), _NARROWEST)  # the maximum given the precisions
+        return np.asarray(2.0 / (tau2 + square))
+
+    def _posterior(self, lin: Linearisation, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Mean (n,) of the step, variance (k,) of the changes of slope, and the effective number of parameters."""
+        weighted = self.rows * self.precision[:, None]
+        H = lin.R.T @ lin.R / self.noise + self.rows.T @ weighted
+        scale = np.sqrt(np.diag(H))
+        scale[scale == 0.0] = 1.0
+        L = cholesky(H / np.outer(scale, scale) + _JITTER * np.eye(len(H)), lower=True)
+        inverse = solve_triangular(L, np.diag(1.0 / scale), lower=True)  # its square is H's inverse
+        delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / self.noise - weighted.T @ changes))
+        variance = np.sum((inverse @ self.rows.T) ** 2, axis=0)
+        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / self.noise
+
+
+def _square(changes: np.ndarray) -> float:
+    """Mean square of changes of slope, not below the narrowest width."""
+    return max(float(np.mean(changes**2)), _NARROWEST)
