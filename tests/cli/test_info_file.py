@@ -191,3 +191,17 @@ def test_a_mapping_that_is_not_there_is_written_first(tmp_path, monkeypatch, cap
     assert main(["info", "open.csv", "--input", "a", "--write-map", "MAP.toml", "--out", "second"]) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "Next: fill in the lines of MAP.toml that say CHOOSE, then: qpal identify open.csv --map MAP.toml" in said
+
+
+def test_a_delay_names_no_model_to_fit_next(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    u = np.random.default_rng(0).normal(size=600)
+    y = u + 0.5 * np.roll(u, 1) + 0.1 * np.random.default_rng(1).normal(size=600)
+    np.savetxt(
+        "log.csv", np.column_stack([0.1 * np.arange(600), u, y]), delimiter=",", header="time_s,u,y", comments=""
+    )
+    found = run(["info", "log.csv"], capsys)
+    (delay,) = (a for a in found["advice"] if a["topic"] == "delay")
+    assert (delay["value"], delay["severity"]) == (0.0, "note")
+    assert "--orders 2,3,0" in delay["action"]
+    assert found["next"] == "qpal identify log.csv"
