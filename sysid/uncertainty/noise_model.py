@@ -200,5 +200,5 @@ def _lag_one(scores: np.ndarray) -> np.ndarray:
 def _bandwidth(scores: np.ndarray) -> int:
     """1.1447 (a N)^(1/3) with a = mean of 4 r^2 / (1 - r^2)^2 (Andrews 1991, Econometrica 59, equation 6.2)."""
     r = _lag_one(scores)
-    a = float(np.mean(4.0 * r * r / (1.0 - r * r) ** 2))
+    a = float(np.sum(4.0 * r * r / (1.0 - r * r) ** 2)) / max(len(r), 1)  # no score where nothing is determined
     return min(int(np.ceil(1.1447 * (a * len(scores)) ** (1.0 / 3.0))), len(scores) // 4)

@@ -376,3 +376,14 @@ def test_bad_requests_are_refused():
         bands.monte_carlo(info, draws=3)
     with pytest.raises(sysid.InputError, match="'auto', None"):
         information_at(plant.chain, plant.theta, data, lags="many")
+
+
+def test_where_no_parameter_is_determined_nothing_has_a_deviation():
+    """Behind a quantiser every derivative is zero: the fit's words and its information say so and do not fail."""
+    rng = np.random.default_rng(16)
+    data = sysid.IOData(rng.normal(size=300), np.cumsum(rng.normal(size=300)), 1.0)
+    chain = sysid.Chain((sysid.blocks.TransferFunction(1, 1, 1, role="linear"), sysid.blocks.Quantiser(role="output")))
+    fit = sysid.fit(chain, data, starts=1)
+    assert np.all(np.isnan(fit.covariance.std()))
+    assert "3 of 3 parameters" in str(fit)
+    assert sysid.information(fit, data).factor.shape == (3, 0)
