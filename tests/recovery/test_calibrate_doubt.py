@@ -26,7 +26,7 @@ def result(*values, correlation=None):
         joint="thigh",
         values=values,
         correlation=np.eye(n) if correlation is None else np.array(correlation),
-        found=SimpleNamespace(stop=SimpleNamespace(iterations=7), descents=1),
+        found=SimpleNamespace(stop=SimpleNamespace(iterations=7), descents=1, late=False),
         converged=True,
         reason="small steps",
         next_step=lambda: "",
