@@ -53,7 +53,8 @@ def test_every_verb_that_reports_has_a_good_run():
     assert set(VERBS) == set(REPORTING)
 
 
-@pytest.mark.parametrize("verb", REPORTING)
+# `.ci/run` runs `reproduce` itself, twice.
+@pytest.mark.parametrize("verb", [pytest.param(v, marks=[pytest.mark.nightly] * (v == "reproduce")) for v in REPORTING])
 def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys, monkeypatch):
     monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})  # `reproduce`: one joint is enough
     assert main([verb, *VERBS[verb], "--json", "--out", "made/here"]) == 0

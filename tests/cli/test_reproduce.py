@@ -70,6 +70,7 @@ main(sys.argv[1:])
 """
 
 
+@pytest.mark.nightly
 def test_reproduce_gives_the_same_numbers_at_any_thread_count(reproduced, tmp_path):
     _, _, summary = reproduced
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
