@@ -1,6 +1,7 @@
 """What people read: degrees for radians, and numbers with as many digits as they mean."""
 
 import math
+import re
 from collections import Counter
 from dataclasses import dataclass
 
@@ -68,3 +69,13 @@ def poles(values) -> str:
     ordered = sorted((complex(p) for p in values), key=lambda p: (-round(abs(p), 6), p.real))
     count = Counter(pole(p) if p else "0" for p in ordered if p.imag > -5e-5)
     return ", ".join(text if n == 1 else f"{text} ({n} times)" for text, n in count.items()) or "none"
+
+
+def probability(p: float) -> str:
+    """A probability of chance as people tell it: p = 0.012, or p < 0.0001."""
+    return f"p = {p:.2g}" if p >= 1e-4 else "p < 0.0001"
+
+
+def capital(text: str) -> str:
+    """The text with a capital letter first, unless it begins with a symbol (e, u1), which would become another one."""
+    return text if re.match(r"([b-z]|[a-z]\d+)\b", text) else text[:1].upper() + text[1:]

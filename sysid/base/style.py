@@ -162,7 +162,10 @@ def legend(axes: Axes, **kwargs) -> None:
         name = str(artist.get_label())
         if name.startswith("_") and not _UNNAMED.match(name):  # a channel: matplotlib hides what begins so
             artist.set_label(f"\u200b{name}")
-    legend_above(axes, **kwargs)
+    handles, labels = axes.get_legend_handles_labels()
+    once = dict(zip(reversed(labels), reversed(handles), strict=True))  # each name once, with its first handle
+    names = list(dict.fromkeys(labels))
+    legend_above(axes, [once[name] for name in names], names, **kwargs)
 
 
 def log_axis(axes: Axes, which: str = "xy", linear_below: float | None = None) -> None:

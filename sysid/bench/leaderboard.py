@@ -206,7 +206,7 @@ def profile(rows: pl.DataFrame, taus: np.ndarray, within: float | None = None) -
     """Performance profiles of the methods (the bar left out): columns tau and one share for each method.
 
     The cost of a task is 1 - fit / 100, the normalised error; with `within`, it is the seconds of a fit whose gap is at
-    most `within` points, and any other fit is a failure.
+    most `within` points, and any other fit is a failure. A share is one of the tasks that the method ran.
     """
     competing = rows.filter(pl.col("method") != BAR)
     if within is None:
@@ -218,7 +218,8 @@ def profile(rows: pl.DataFrame, taus: np.ndarray, within: float | None = None) -
     )
     names = sorted(set(wide.columns) - set(TASK))
     shares = performance_profile(wide.select(names).fill_null(float("inf")).to_numpy(), taus)
-    return pl.DataFrame({"tau": taus} | {name: shares[:, k] for k, name in enumerate(names)})
+    tasks = dict(competing.group_by("method").agg(pl.struct(TASK).n_unique()).iter_rows())
+    return pl.DataFrame({"tau": taus} | {name: shares[:, k] * len(wide) / tasks[name] for k, name in enumerate(names)})
 
 
 def winners(board: pl.DataFrame, ours: Collection[str]) -> pl.DataFrame:

@@ -21,8 +21,12 @@ NO_RESULT = "no result"
 
 def sentences(rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> list[str]:
     """The verdict of the leaderboard, family by family; `rows` are `scored`, `board` is their `leaderboard`."""
-    families = winners(board, ours).iter_rows(named=True)
-    return [sentence for row in families for sentence in _family(row, rows, board, ours)]
+    families = winners(board, ours).to_dicts()
+    texts = [sentence for row in families for sentence in _family(row, rows, board, ours)]
+    for side, rival, whose in (("peer", "ours", "of others"), ("ours", "peer", "of this library")):
+        alone = [row["family"] for row in families if row[side] is None and row[rival] is not None]
+        texts += [f"No method {whose} is ranked in {', '.join(alone)}."] if alone else []
+    return texts
 
 
 def command(scenario: str, method: str, seed: int, budget: float | None = None) -> str:
@@ -62,7 +66,6 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
         f"{NEAR[0]:g} point of the bar."
     )
     if library is None or peer is None:
-        yield f"{family}: the table has no method {'of others' if peer is None else 'of this library'} that is ranked."
         return
     yield f"{family}: {_versus(library, peer, compare_methods(rows, library, peer, family))}"
     if side == "peer":

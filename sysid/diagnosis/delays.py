@@ -14,6 +14,7 @@ from scipy.linalg import solve_triangular, toeplitz
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.base.quantities import probability
 from sysid.data.record import IOData
 from sysid.diagnosis import delays
 from sysid.diagnosis.low_order import Model, Profile, delay_by, pieces
@@ -238,7 +239,7 @@ class DelayEstimate:
 
     def __str__(self) -> str:
         if self.nk is None:
-            sentence = f"no response within {self.high} samples (p = {self.p:.2g} without any)"
+            sentence = f"no response within {self.high} samples ({probability(self.p)} without any)"
             return f"{sentence}; check that the columns belong together"
         interval = (
             "" if self.low == self.high else f", {self.low} to {self.high} with {100 * self.level:g} % confidence"

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from sysid.base.quantities import probability
 from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.delays import Delay, delay_from_input
@@ -34,15 +35,15 @@ def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
 def _drift(y: str, white: Whitened) -> Advice:
     p = drift(white)
     if p >= LEVEL:
-        sentence = f"{y} has no linear drift that the input does not explain (p = {p:.2g})"
+        sentence = f"{y} has no linear drift that the input does not explain ({probability(p)})"
         return Advice("drift", sentence, p, "", "fine")
     size = drift_size(white)
     if size < _CREEP:
-        sentence = f"{y} has a linear drift of {size:.2g} standard deviations only (p = {p:.2g})"
+        sentence = f"{y} has a linear drift of {size:.2g} standard deviations only ({probability(p)})"
         return Advice("drift", sentence, p, "", "fine")
     return Advice(
         "drift",
-        f"{y} has a linear drift of {size:.2g} standard deviations that the input does not explain (p = {p:.2g})",
+        f"{y} has a linear drift of {size:.2g} standard deviations that the input does not explain ({probability(p)})",
         p,
         "find the cause, such as warming or the supply, or remove linear trends",
         "warning" if size > _DRIFT else "note",
@@ -57,7 +58,8 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
     if p < LEVEL:
         return Advice(
             "delay",
-            f"{lags} together show no linear effect on {y} (p = {d.p:.2g}), but a nonlinear one (p = {p:.2g})",
+            f"{lags} together show no linear effect on {y} ({probability(d.p)}), but a nonlinear one "
+            f"({probability(p)})",
             float("nan"),
             "increase the excitation, or search the structures for a nonlinear model",
             "note",
@@ -67,7 +69,7 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
     if abs(float(np.corrcoef(white.X[:, white.lags(i).start], white.y)[0, 1])) > _TOGETHER:
         return Advice(
             "delay",
-            f"{u} and {y} move together, but too slowly to tell a response from chance (p = {d.p:.2g})",
+            f"{u} and {y} move together, but too slowly to tell a response from chance ({probability(d.p)})",
             float("nan"),
             "record with an input that changes more often",
             "warning",
@@ -75,7 +77,7 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
         )
     return Advice(
         "delay",
-        f"{lags} together show no effect on {y} (p = {d.p:.2g})",
+        f"{lags} together show no effect on {y} ({probability(d.p)})",
         float("nan"),
         "look whether the columns belong together, or increase the excitation",
         "warning",
@@ -86,7 +88,7 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
 
 def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
     advise_relation = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
-    sentence = f"{y} responds to {u} after {nk} sample(s){advise_relation} (p = {d.p:.2g} without any response)"
+    sentence = f"{y} responds to {u} after {nk} sample(s){advise_relation} ({probability(d.p)} without any response)"
     if nk == 0:
         action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
         return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))
@@ -108,10 +110,10 @@ def _feedback(u: str, y: str, p: float | None) -> Advice:
             "feedback", f"the past of {u} determines its future: no test for feedback from {y}", 1.0, "", "note"
         )
     if p >= LEVEL:
-        return Advice("feedback", f"no sign of feedback from {y} to {u} (p = {p:.2g})", p, "", "fine")
+        return Advice("feedback", f"no sign of feedback from {y} to {u} ({probability(p)})", p, "", "fine")
     return Advice(
         "feedback",
-        f"feedback from {y} to {u}: later inputs depend on present outputs (p = {p:.2g})",
+        f"feedback from {y} to {u}: later inputs depend on present outputs ({probability(p)})",
         p,
         "output error is biased in a loop: record in open loop, or fit a model that holds the noise too",
         "warning",
@@ -125,7 +127,7 @@ def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
     if effect is None:
         return Advice("nonlinearity", f"a nonlinearity of {y} cannot be tested with these data", 1.0, "", "note")
     share = f"{100 * effect.share:.1f} % of the linear model's one-step error"
-    sentence = f"squares and cubes explain {share} (p = {effect.p_value:.2g})"
+    sentence = f"squares and cubes explain {share} ({probability(effect.p_value)})"
     if effect.p_value >= LEVEL:
         return Advice(
             "nonlinearity",

@@ -16,9 +16,9 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.handlers import Shown
+from sysid.base.quantities import probability
 
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
-_SMALLEST_P_VALUE = 1e-12  # p-value that is told
 MEANINGS = {
     "e with u^2": "an even nonlinearity of the input is missing",
     "e^2 with u^2": "the size of the error depends on the size of the input: a map or a noise level is missing",
@@ -78,13 +78,11 @@ class ResidualTests(Shown):
     @property
     def verdicts(self) -> tuple[str, str]:
         """Both verdicts in words: on the residuals with themselves, and with the input by all lags together."""
-        p = (
-            f"p = {self.independence_p:.2g}"
-            if self.independence_p >= _SMALLEST_P_VALUE
-            else f"p < {_SMALLEST_P_VALUE:g}"
-        )
         independent = "independent" if self.independent else "not independent"
-        return "white" if self.white else "coloured", f"all lags together: {independent} ({p})"
+        return (
+            "white" if self.white else "coloured",
+            f"all lags together: {independent} ({probability(self.independence_p)})",
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Numbers and verdicts, ready for JSON."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any
 
@@ -52,7 +53,7 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
     sharex = figure.shared and rows > 1
     found = style.panels(axes, rows, columns, figure.height, sharex, _heights(figure, rows), len(shown))
     for k, (ax, (panel, view)) in enumerate(zip(found, shown, strict=True)):
-        for item in [*panel.items, *figure.marks]:
+        for item in [*panel.items, *(mark if k == 0 else replace(mark, label="") for mark in figure.marks)]:
             _DRAW[type(item)](ax, item)
         title = view.title if view is not None else panel.title
         lettered = figure.lettered and len(shown) > 1

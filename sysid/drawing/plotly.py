@@ -30,6 +30,7 @@ BESIDE = 220  # height of panels that stand beside each other [px]
 SQUARE = 350  # height of a panel with equal scales [px]
 TITLE = 20  # of a title [px]
 GAP = 0.12  # between panels beside each other, of the width
+LOG = {"type": "log", "tickformat": "~g", "nticks": 5}  # an axis whose ticks have whole numbers as on paper: 0.2, 1, 10
 MARGIN = {"l": 62, "r": 14, "t": 62, "b": 48}
 
 
@@ -150,7 +151,7 @@ def _side(axis: Axis, panel: Panel, letter: str) -> Plotly:
     if axis.linear_below is not None:
         return settings | _symlog_axis(axis.linear_below, panel)
     if axis.log:
-        settings["type"] = "log"
+        settings |= LOG
         limits = None if limits is None else (float(np.log10(limits[0])), float(np.log10(limits[1])))
     if axis.near is not None:
         return settings | {"range": list(axis.near), "autorange": False}
@@ -208,7 +209,7 @@ def _shape(item: Rule | Span, panel: Panel | None, place: dict[str, str]) -> Plo
         f"{other_letter}0": 0,
         f"{other_letter}1": 1,
         "showlegend": bool(item.label),
-        **({"name": item.label} if item.label else {}),
+        **({"name": item.label, "legendgroup": item.label} if item.label else {}),
     }
     if isinstance(item, Rule):
         layer = "above" if panel is None or any(isinstance(i, Bars) for i in panel.items) else "below"

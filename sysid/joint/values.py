@@ -21,6 +21,26 @@ from sysid.model.chain import Chain
 _LARGEST_DEVIATION = 0.1  # of a speed, or of the dry friction: a wider standard uncertainty does not determine it
 
 
+WORDS = {  # the physical values of an actuated joint as people call them
+    "speed_per_volt": "speed per volt, mid stroke",
+    "speed_full_drive": "speed at full drive",
+    "kp": "gain of the loop, kp",
+    "kd": "derivative gain of the loop, kd",
+    "time_constant": "time constant",
+    "breakaway_up": "break-away voltage up",
+    "breakaway_down": "break-away voltage down",
+    "coulomb_up": "voltage for friction and load, moving up",
+    "coulomb_down": "voltage for friction and load, moving down",
+    "moving_friction_up": "moving friction up, with load",
+    "moving_friction_down": "moving friction down, with load",
+    "end_low": "lower end",
+    "end_high": "upper end",
+    "backlash": "backlash",
+    "delay": "delay",
+    "lag_and_delay": "time constant + delay",
+}
+
+
 @dataclass(frozen=True)
 class JointValue:
     """A physical value with its interval; low and high are None where the data do not determine it.
@@ -45,7 +65,7 @@ class JointValue:
         """Value, interval and unit as people read them."""
         shown, number = displayed_value(self), quantities.number
         span = "" if shown.low is None or shown.high is None else f" ({number(shown.low)} to {number(shown.high)})"
-        return f"{self.name.replace('_', ' ')}: {number(shown.value)}{span} {shown.unit}".rstrip()
+        return f"{WORDS.get(self.name, self.name)}: {number(shown.value)}{span} {shown.unit}".rstrip()
 
 
 @checked(late=True)

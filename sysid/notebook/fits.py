@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.quantities import number, percent
+from sysid.base.quantities import capital, number, percent
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.estimation.origin import check_units
@@ -221,7 +221,7 @@ class NlarxFitView:
             facts.append(
                 ("fit, one step ahead", f"{percent(fit.prediction_percent(data))}; never compare it with a free run")
             )
-            sentences += [f"{text[0].upper()}{text[1:]}." for text in [fit.divergence(data)] if text]
+            sentences += [f"{capital(text)}." for text in [fit.divergence(data)] if text]
         facts += [
             ("RMSE", f"{rmse_in_words(fit)}, {fit.criteria_of}"),
             ("criteria", criteria_in_words(fit)),

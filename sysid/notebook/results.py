@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.quantities import display_quantity, number, percent, pole
+from sysid.base.quantities import capital, display_quantity, number, percent, pole, probability
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.joint.growth import MARGIN, WORDS, Growth
@@ -149,7 +149,7 @@ class SelectionView:
             mark = "chosen" if c == result.chosen.candidate else "equal" if row.equal else row.why.partition(";")[0]
             rows.append((str(k), c.short, maps, mark, percent(row.fit_percent), str(row.d)))
         table = Table(("", "structure", "maps", "", "fit on unseen data", "d"), rows, "", text_columns=4, most=ROWS)
-        notes = [f"{note[0].upper()}{note[1:]}." for note in result.notes]
+        notes = [f"{capital(note)}." for note in result.notes]
         facts = [("search", f"{result.seconds:.0f} s, {len(result.rows)} candidates")]
         details = [Table(table.headings, rows, f"All {len(rows)} candidates", text_columns=4)]
         calls = "selection.fit, selection.fit.plot(), selection.rows"
@@ -232,7 +232,7 @@ class ResidualTestsView:
         table = Table(("correlation", "verdict", "lags outside", f"bound, {level}"), rows, text_columns=2)
         facts = [
             ("lags", f"1 to {n} samples, with the input −{n} to {n}"),
-            ("chance", f"p = {number(tests.independence_p, 2)} that the input is independent and gives this by chance"),
+            ("chance", f"{probability(tests.independence_p)} that the input is independent and gives this by chance"),
         ]
         call = 'Next: fit.plot(data, "residuals"), fit.noise_model(data)'
         return Card("Residual tests", facts, [table], [_meaning(tests)], call=call)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.quantities import Quantity, display_quantity
+from sysid.base.quantities import Quantity, capital, display_quantity
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Band, Figure, Item, Line, Panel, Rule, has_area, scaled
 from sysid.uncertainty import intervals
@@ -116,4 +116,4 @@ def note_sentences(subject: str, note: str) -> list[str]:
     """A sentence from a note of the intervals of `what`, such as "a pole"; none where there is no note."""
     if note == UNEXCITED:
         return [f"The record does not excite {subject}."]
-    return [f"{subject[0].upper()}{subject[1:]} {note}."] if note else []
+    return [f"{capital(subject)} {note}."] if note else []

@@ -98,7 +98,8 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
             [
                 "A curve shows on which share of the tasks a method comes within a factor of the best method: of its "
                 "error in the first plot, of its time for a fit near the bar in the second. Higher is better. Methods "
-                "of others are dashed. Drag to zoom, double-click to go back.",
+                "of others are dashed; a method without a rival on its tasks is level. Drag to zoom, "
+                "double-click to go back.",
             ],
             plots=figures[:2],
         ),
@@ -145,6 +146,8 @@ def _scenario(
     scenario: str, methods: pl.DataFrame, worst: pl.DataFrame | None, bar: str, picture: Picture | None
 ) -> Page:
     """The page of one scenario."""
+    from markupsafe import Markup
+
     sections = [Section("Methods", tables=[_grid(methods, presentation.METHODS)])]
     if picture is not None:
         sections.append(Section("The worst seed drawn", pictures=[picture]))
@@ -153,7 +156,8 @@ def _scenario(
         repeat = f"Repeat the worst: {presentation.command(scenario, top['method'], top['seed'], top.get('budget'))}"
         sections.append(Section("Worst seeds", [repeat], tables=[_grid(worst, presentation.WORST, last_text=True)]))
     tasks = max(row[0] for row in methods.select("n").iter_rows())
-    verdict = [f"{tasks} tasks. The bar is {bar}."]
+    back = Markup('<a href="../{}">The leaderboard</a>').format(REPORT)
+    verdict = [f"{tasks} tasks. The bar is {bar}.", back]
     return Page(scenario, "a scenario of the identification benchmark", verdict, sections, wide=True)
 
 
@@ -204,7 +208,7 @@ def _pictures(board: Board, redraw: Redraw, count: int) -> dict[str, Picture]:
 
 
 def _first(board: Board) -> list[str]:
-    """The first sentence of each family."""
+    """The first sentence of each family, and who has no rival."""
     return [s for s in board.sentences if " is first" in s or " is ranked" in s]
 
 
@@ -227,7 +231,7 @@ def _families(board: Board) -> Section:
     ]
     return Section(
         "Leaderboard",
-        [*board.sentences, *presentation.bar_sentences(board.board)],
+        [*(s for s in board.sentences if s not in _first(board)), *presentation.bar_sentences(board.board)],
         tables=[_grid(board.winners, presentation.WINNERS, 3), *grids],
     )
 

@@ -15,7 +15,7 @@ from sysid.bench.cell import Redrawn
 from sysid.bench.leaderboard import CLAIMED, profile
 from sysid.bench.table import BAR
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel
-from sysid.drawing.plotly import Plotly, base_layout, side
+from sysid.drawing.plotly import LOG, Plotly, base_layout, side
 
 ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
@@ -64,7 +64,7 @@ def cost(board: pl.DataFrame, ours: Collection[str]) -> Plotly:
             )
             groups.append(family)
     layout = _layout("time of a fit [s] (shifted geometric mean)", "mean gap to the bar [points of fit]", log=True)
-    layout["yaxis"]["type"] = "log"
+    layout["yaxis"] |= LOG
     layout["showlegend"] = False
     return _by_family(traces, groups, families, layout)
 
@@ -91,7 +91,8 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
     layout["xaxis"]["type"] = "category"
     layout["scattermode"] = "group"
     line = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": 100 * CLAIMED, "y1": 100 * CLAIMED}
-    layout["shapes"] = [line | {"line": {"color": style.SECOND, "dash": "dot", "width": 1.2}}]
+    look = {"color": style.SECOND, "dash": "dot", "width": 1.2}
+    layout["shapes"] = [line | {"line": look, "name": f"{100 * CLAIMED:.0f} % claimed", "showlegend": True}]
     return {"data": traces, "layout": layout}
 
 
@@ -129,7 +130,7 @@ def _profiles(
     traces, groups = list[Plotly](), list[str]()
     for family, part in parts.items():
         frame = shares(part)
-        for name in frame.columns[1:]:
+        for k, name in enumerate(frame.columns[1:], 1):
             traces.append(
                 {
                     "type": "scatter",
@@ -137,7 +138,8 @@ def _profiles(
                     "x": _plain(frame["tau"].to_numpy()),
                     "y": _plain(100 * frame[name].to_numpy()),
                     "name": name,
-                    "line": {"shape": "hv", **_look(name, names, ours)},
+                    # wide lines first, so that of lines that coincide the first ones show as rims
+                    "line": {"shape": "hv", **_look(name, names, ours), "width": 2 + 2 * (len(frame.columns) - 1 - k)},
                 }
             )
             groups.append(family)
@@ -174,7 +176,7 @@ def _by_family(traces: list[Plotly], groups: list[str], families: list[str], lay
 
 def _layout(x: str, y: str, log: bool = False) -> Plotly:
     """Two axes with their labels, the horizontal one logarithmic if `log`."""
-    scale = {"type": "log" if log else "-", "dtick": "D2" if log else None, "ticks": "outside"}
+    scale = {"ticks": "outside", **(LOG if log else {})}
     return base_layout(470) | {"xaxis": side(x) | scale, "yaxis": side(y, ticks="outside")}
 
 

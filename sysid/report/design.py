@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity
+from sysid.base.quantities import capital, display_quantity
 from sysid.drawing.figure import Figure, Span
 from sysid.joint.design import Design
 from sysid.joint.values import JointValue, distinct_values
@@ -15,7 +15,7 @@ from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import WORDS, decimals, value_cells
 from sysid.workflow.design import Proposal
 
-COLOURS = (style.MODEL, style.SECOND, style.INPUT)
+COLOURS = (style.MODEL, *style.COLOURS[2:4])
 
 
 def page(result: Proposal, file: str) -> Page:
@@ -25,7 +25,8 @@ def page(result: Proposal, file: str) -> Page:
         "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
         "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
     )
-    picture = Picture.of("experiment", experiment_figure(d), caption)
+    data = result.record.data
+    picture = Picture.of("experiment", experiment_figure(d, data.u_name, data.y_name), caption)
     return Page(
         "The next experiment",
         f"{', '.join(d.targets)}; designed on {result.record.path.name}",
@@ -47,7 +48,7 @@ def sentences(result: Proposal, file: str) -> list[str]:
         f"every {d.Ts:g} s. Then identify the new record: {result.command}.",
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
         f"end. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
-        *(f"{note[0].upper()}{note[1:]}." for note in d.notes),
+        *(f"{capital(note)}." for note in d.notes),
     ]
 
 
@@ -87,11 +88,11 @@ def _half(value: JointValue | None, otherwise: str) -> str:
     return f"± {half:.{decimals(half)}f}"
 
 
-def experiment_figure(d: Design) -> Figure:
+def experiment_figure(d: Design, u_name: str = "input u", y_name: str = "y") -> Figure:
     """Input and predicted output over time, with the parts of the experiment as areas."""
     signals = [
-        Signal(display_quantity("input u", d.units[0]), d.u, "input", style.INPUT, steps=True),
-        Signal(display_quantity("predicted y", d.units[1]), d.y, "predicted output", style.MODEL),
+        Signal(display_quantity(u_name, d.units[0]), d.u, "input", style.INPUT, steps=True),
+        Signal(display_quantity(f"predicted {y_name}", d.units[1]), d.y, "predicted output", style.MODEL),
     ]
     names = list(dict.fromkeys(p.name for p in d.phases))
     marks = [

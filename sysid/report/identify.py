@@ -3,11 +3,12 @@
 import re
 import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from sysid.base.files import versions
-from sysid.base.quantities import Quantity, number, percent
+from sysid.base.quantities import Quantity, capital, number, percent
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
 from sysid.report import figures, sections, verdict
@@ -32,7 +33,7 @@ def page(result: Identification, exports: Exports) -> Page:
     """The report on a fit to a record; `exports` lists the model files."""
     record, e = result.record, result.evaluation
     return Page(
-        title=f"Identification of {record.path.name}",
+        title=f"Identification of {' and '.join(Path(path).name for path in record.files or (record.path,))}",
         subtitle=(
             f"{_column(record.input)} to {_column(record.output)}, {record.data.N} samples, Ts {record.data.Ts:g} s"
         ),
@@ -137,7 +138,7 @@ def _search_result(selection: Selection) -> str:
     text = selection.sentence()
     for name in TABLE:
         text = text.replace(name, name.replace("_", "-"))
-    return sections.capital(text.replace("_", " "))
+    return capital(text.replace("_", " "))
 
 
 def _search(result: Identification) -> list[Section]:
@@ -208,7 +209,7 @@ def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
         if plan.detrend == "linear"
         else "Nothing was removed from the data. "
     )
-    notes = "".join(f"{note[0].upper()}{note[1:]}. " for note in record.notes)
+    notes = "".join(f"{capital(note)}. " for note in record.notes)
     return Section("Data", [f"Read from {record.path}. {notes}{removal}"], pictures=figures.pictures("Data", e))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity
+from sysid.base.quantities import capital, display_quantity
 from sysid.channels.signals import Signal as RecordedSignal
 from sysid.channels.signals import Signals
 from sysid.drawing.figure import Axis, Figure, Histogram, Item, Panel, Rule
@@ -173,4 +173,4 @@ def _record(signals: Signals) -> Section:
 
 
 def _capital(sentence: str) -> str:
-    return f"{sentence[0].upper()}{sentence[1:].rstrip('.')}." if sentence else ""
+    return f"{capital(sentence.rstrip('.'))}." if sentence else ""

@@ -188,19 +188,22 @@ def _template() -> "Template":
     return environment.from_string(source)
 
 
-_COMMAND = re.compile(r"(.*(?:Next|try|record): )(qpal \S.*?)(\.?)", re.DOTALL)
+# A command ends before a mark at the end of a word, a bracket, and a word that goes on with the sentence.
+_COMMAND = re.compile(r"(qpal [a-z]+(?: (?!(?:and|or|then|to|with|shows|says)\b)[^\s()]*[^\s().,;:])*)")
+_MINUS = re.compile(r"(?<![\w.,-])-(?=\d)")
 
 
-def _commands(sentence: str) -> "Markup":
-    """A sentence whose last words are a command, set as code that no line break cuts inside a word."""
+def _commands(sentence: object) -> "Markup":
+    """A sentence with its commands set as code that no line break cuts inside a word, and with true minus signs."""
     from markupsafe import Markup, escape
 
-    match = _COMMAND.fullmatch(sentence)
-    if match is None:
-        return escape(sentence)
-    text, command, stop = match.groups()
-    words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in command.split())
-    return escape(text) + Markup("<code>{}</code>").format(words) + stop
+    if isinstance(sentence, Markup):
+        return sentence
+    text = Markup()
+    for k, part in enumerate(_COMMAND.split(str(sentence))):
+        words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in part.split())
+        text += Markup("<code>{}</code>").format(words) if k % 2 else escape(_MINUS.sub("−", part))
+    return text
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:

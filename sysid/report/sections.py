@@ -7,8 +7,8 @@ import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.poles import time_constant
-from sysid.base.quantities import display_quantity, number, percent, pole
-from sysid.joint.values import JointValue, distinct_values
+from sysid.base.quantities import capital, display_quantity, number, percent, pole
+from sysid.joint.values import WORDS, JointValue, distinct_values
 from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.plots.responses import note_sentences
 from sysid.report.page import Grid
@@ -18,24 +18,6 @@ from sysid.workflow.results import Evaluation
 T = TypeVar("T")
 NOT_KNOWN = "not determined"
 FIXED = "fixed"
-WORDS = {  # the physical values of an actuated joint as people call them
-    "speed_per_volt": "speed per volt, mid stroke",
-    "speed_full_drive": "speed at full drive",
-    "kp": "gain of the loop, kp",
-    "kd": "derivative gain of the loop, kd",
-    "time_constant": "time constant",
-    "breakaway_up": "break-away voltage up",
-    "breakaway_down": "break-away voltage down",
-    "coulomb_up": "voltage for friction and load, moving up",
-    "coulomb_down": "voltage for friction and load, moving down",
-    "moving_friction_up": "moving friction up, with load",
-    "moving_friction_down": "moving friction down, with load",
-    "end_low": "lower end",
-    "end_high": "upper end",
-    "backlash": "backlash",
-    "delay": "delay",
-    "lag_and_delay": "time constant + delay",
-}
 
 
 def higher_in_words(evaluation: Evaluation) -> str:
@@ -69,8 +51,13 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
     if v.low == v.high == v.value:
         return number(v.value * factor, 4), FIXED, unit
-    low, high = (f"{x * factor:.{digits}f}".replace("-", "−") for x in (v.low, v.high))
-    return f"{v.value * factor:.{digits}f}".replace("-", "−"), f"{low} to {high}", unit
+    value, low, high = (fixed_point(x * factor, digits) for x in (v.value, v.low, v.high))
+    return value, f"{low} to {high}", unit
+
+
+def fixed_point(value: float, digits: int) -> str:
+    """A number with `digits` decimals."""
+    return f"{value:.{digits}f}".replace("-", "−")
 
 
 def undetermined_in_words(evaluation: Evaluation) -> str:
@@ -83,7 +70,7 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
             reason = reason.removeprefix("break-away is not determined: ")
         elif v.determined:
             continue
-        lines.append(f"{name[0].upper()}{name[1:]}: {reason or 'this record does not show it'}.")
+        lines.append(f"{capital(name)}: {reason or 'this record does not show it'}.")
     return " ".join(["Not determined.", *lines]) if lines else ""
 
 
@@ -221,11 +208,6 @@ def one_step(evaluation: Evaluation) -> bool:
 def sentence(phrase: str) -> str:
     """The phrase with a capital letter and a full stop."""
     return f"{capital(phrase)}."
-
-
-def capital(text: str) -> str:
-    """The text with a capital letter first."""
-    return text[:1].upper() + text[1:]
 
 
 def only(things: Sequence[T | None]) -> list[T]:

@@ -284,7 +284,8 @@ def _single_channel(e: Evaluation, k: int, section: str) -> tuple[str, str, Eval
         tests=single_output.tests,
         outputs=(),
     )
-    words = f"{e.inputs[i][0]} and {single_output.name}: " if section == "Data" else f"{single_output.name}: "
+    words = f"Output {single_output.name}. "
+    words = f"Input {e.inputs[i][0]}, {words[0].lower()}{words[1:]}" if section == "Data" else words
     return f"-{k + 1}", words, view
 
 

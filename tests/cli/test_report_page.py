@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sysid.base.quantities import capital, probability
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
 from sysid.drawing.plotly import plotly
@@ -176,7 +177,7 @@ def test_a_bad_result_says_so_first_with_the_reason_and_the_next_command(result,
     assert "Why: this model has no end stops." in first
     assert first.endswith("try: qpal identify a.csv --structure actuated_joint")
     assert not any("actuated_joint" in sentence for sentence in rest)  # said once
-    (code,) = (e for e in Reader(made.html()).all("code"))
+    code = next(e for e in Reader(made.html()).all("code"))
     assert code.text == "qpal identify a.csv --structure actuated_joint"
 
 
@@ -342,3 +343,18 @@ def test_a_model_without_poles_makes_a_whole_page(log, tmp_path):
     read = Reader((tmp_path / "report.html").read_text(encoding="utf-8"))
     boxes = {e.at["id"] for e in read.all("div") if e.at.get("class") == "zoom"}
     assert {"zoom-data", "zoom-free-run", "zoom-residuals"} <= boxes
+
+
+def test_commands_are_code_and_minus_signs_are_true_outside_of_them():
+    said = "From -1.5 to 2-3: qpal run A --limit -2, or qpal design FILE (qpal models A B). Next: qpal info 'a.csv'."
+    shown = str(page._commands(said)).replace("<span>", "").replace("</span>", "").replace("&#39;", "'")
+    assert shown == (
+        "From −1.5 to 2-3: <code>qpal run A --limit -2</code>, or <code>qpal design FILE</code> "
+        "(<code>qpal models A B</code>). Next: <code>qpal info 'a.csv'</code>."
+    )
+
+
+def test_a_capital_letter_makes_no_other_symbol_and_a_small_chance_has_no_digits():
+    told = [capital(text) for text in ("e with e u", "u1, u2 are the columns", "a pole is real", "Ts is 1", "angle")]
+    assert told == ["e with e u", "u1, u2 are the columns", "A pole is real", "Ts is 1", "Angle"]
+    assert [probability(p) for p in (0.0123, 4.9e-301)] == ["p = 0.012", "p < 0.0001"]

@@ -160,7 +160,7 @@ def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_
     speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")
     assert sections.value_cells(speed) == ("5.0", "4.0 to 6.0", "deg/s/V")
     assert [str(v) for v in (speed, hidden)] == [
-        "speed per volt: 5.000 (4.000 to 6.000) deg/s/V",
+        "speed per volt, mid stroke: 5.000 (4.000 to 6.000) deg/s/V",
         "backlash: 57.30 deg",
     ]
 

@@ -147,6 +147,8 @@ def test_profiles_by_hand(table):
     # errors ours 9.95, 20.05, 30.5, 40; peer 20, none, none, 38.5: 40 / 38.5 = 1.039 and 20 / 9.95 = 2.01
     assert shares["ours"].to_list() == [0.75, 1.0, 1.0]
     assert shares["peer"].to_list() == [0.25, 0.25, 0.5]
+    part = boards.profile(scored.filter((pl.col("method") == "ours") | (pl.col("seed") == 0)), np.array([1e9]))
+    assert part.row(0)[1:] == (1.0, 0.5)  # of the tasks that the peer ran it solved half of two
     times = boards.profile(scored, np.array([1.0, 10.0]), within=1.0)
     assert times["ours"].to_list() == [0.75, 0.75]
     assert times["peer"].to_list() == [0.25, 0.25]
@@ -167,6 +169,10 @@ def test_words_say_who_is_first_with_numbers(table):
     assert "f: ours is first. It loses 0.50 points" in said
     assert "over 4 tasks; 50 % of its fits (15 % to 85 %) are within 0.1 point" in said
     assert "ours against peer: 3 won, 0 tied and 1 lost of 4 tasks" in said
+    alone = scored.filter(pl.col("method") == "ours")
+    both = pl.concat([alone, alone.with_columns(family=pl.lit("g"))])
+    *_, last = presentation.sentences(both, boards.leaderboard(both), ["ours"])
+    assert last == "No method of others is ranked in f, g."
 
 
 def test_words_say_plainly_where_a_peer_wins_and_is_faster(table):
@@ -205,7 +211,7 @@ def test_every_scenario_has_a_page_that_the_leaderboard_links_to(table, tmp_path
     assert all((tmp_path / link).is_file() for link in links)
     assert "f/b &lt;5 &amp; 7&gt;" in html
     worst = (tmp_path / links[1]).read_text(encoding="utf-8")
-    assert "Repeat the worst: qpal bench run" in worst
+    assert "Repeat the worst: <code><span>qpal</span> <span>bench</span> <span>run</span>" in worst
 
 
 def test_two_scenarios_never_share_a_page():

@@ -154,18 +154,19 @@ def _models(t: Trial) -> tuple[tuple[Evaluation, str, str], ...]:
 
 @styled
 def recovery(result: ProtocolResult) -> Sheet:
-    """Every recovered value less its truth, in aims, a panel for each joint."""
+    """Every value that some record determines less its truth, in aims, a panel for each joint."""
     figure, axes = style.sheet(1, len(result.joints), height=3.6)
+    names = {value.name for r in result.joints for value in r.beyond.recovered if value.found}
     for ax, r in zip(axes[0], result.joints, strict=True):
-        values = r.beyond.recovered
+        values = [value for value in r.beyond.recovered if value.name in names]
         ax.axvspan(-1, 1, color="#e4e7eb", zorder=0)
         ax.axvline(0, color=style.SECOND, linewidth=1.0)
         for row, value in enumerate(values):
             for record, shift in zip(RECORDS, (-0.16, 0.16), strict=True):
                 if record in value.found:
                     _dot(ax, value, value.found[record], row + shift, *MARKS[record])
-        names = [sections.WORDS.get(value.name, value.name) for value in values]
-        ax.set_yticks(range(len(values)), names if ax is axes[0, 0] else [""] * len(values))
+        words = [sections.WORDS.get(value.name, value.name) for value in values]
+        ax.set_yticks(range(len(values)), words if ax is axes[0, 0] else [""] * len(values))
         ax.set(xlim=(-FRAME - 0.3, FRAME + 0.3), title=r.joint, xlabel="error divided by aim")
         ax.set_ylim(len(values) - 0.5, -0.5)
     for record in RECORDS:

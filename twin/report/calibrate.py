@@ -31,7 +31,7 @@ def page(result: Calibration) -> Page:
     correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
     residual_pictures = [
         Picture.of("residuals", residuals_figure(result), _RESIDUALS),
-        Picture.of("search", cost_figure(result), "RMS error over the iterations of the search."),
+        Picture.of("search", cost_figure(result), _SEARCH),
     ]
     return Page(
         title=f"Calibration of the {result.joint}",
@@ -47,7 +47,8 @@ def page(result: Calibration) -> Page:
     )
 
 
-_OVERLAY = "{} ({}): log, uncalibrated and calibrated twin in free run, and the two errors."
+_OVERLAY = "{} ({}): log, twin before and twin calibrated in free run, and the two errors."
+_SEARCH = "RMS error over the iterations, from the values of column start, which are not those before."
 PARTS = 24  # of the travel, each with its mean residual; chosen by hand
 _CORRELATION = "Correlation of the estimates: near 1 or -1, an error in one is made up for by the other."
 _RESIDUALS = "Log less calibrated twin over the angle, in motion upwards and downwards; lines: mean over a part."

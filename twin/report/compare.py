@@ -4,12 +4,13 @@ from collections.abc import Iterator
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number, percent
+from sysid.base.quantities import capital, display_quantity, number, percent
 from sysid.diagnosis.residuals import ResidualTests
+from sysid.joint.values import WORDS as JOINT_WORDS
 from sysid.joint.values import JointValue
 from sysid.plots.residual_tests import residuals_figure
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import NOT_KNOWN, capital
+from sysid.report.sections import NOT_KNOWN, decimals, fixed_point
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.departure import DEFINITIONS
@@ -205,7 +206,7 @@ def regime_table(result: Comparison) -> Grid:
 def alignment_table(alignment: Alignment) -> Grid:
     """Delay, gear and offset with their intervals."""
     rows = [
-        (name, number(factor * value.value, 4), interval(value, factor, NOT_KNOWN, 4), unit)
+        (name, *_aligned(value, factor), unit)
         for name, value, factor, unit in (
             ("delay of the log", alignment.delay, 1e3, "ms"),
             ("gear (slope)", alignment.gear, 1.0, ""),
@@ -214,6 +215,15 @@ def alignment_table(alignment: Alignment) -> Grid:
     ]
     note = "How often these intervals hold the true value is not counted yet; take them as a lower limit of the doubt."
     return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True, note=note)
+
+
+def _aligned(value: Value, factor: float) -> tuple[str, str]:
+    """A value and its interval, with the digits that the interval means."""
+    if value.low is None or value.high is None:
+        return number(factor * value.value, 4), NOT_KNOWN
+    digits = decimals(factor * (value.high - value.low))
+    shown, low, high = (fixed_point(factor * x, digits) for x in (value.value, value.low, value.high))
+    return shown, f"{low} to {high}"
 
 
 def effect_table(verdict: Verdict) -> Grid:
@@ -260,7 +270,14 @@ def _pair_row(pair: Pair) -> tuple[str, ...]:
     unit = display_quantity("", pair.log.unit)
     sides = [(number(unit.factor * v.value, 4), interval(v, unit.factor, "–")) for v in (pair.log, pair.other)]
     effect = TABLE[EFFECTS[pair.name]].words
-    return (pair.name.replace("_", " "), effect, *sides[0], *sides[1], unit.unit, "yes" if pair.apart else "no")
+    return (
+        JOINT_WORDS.get(pair.name, pair.name),
+        effect,
+        *sides[0],
+        *sides[1],
+        unit.unit,
+        "yes" if pair.apart else "no",
+    )
 
 
 def _overlay_caption(result: Comparison) -> str:

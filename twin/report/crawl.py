@@ -92,10 +92,10 @@ def _standing_sentence(result: Crawl) -> str:
 
 def _trials_sentence(result: Crawl) -> str:
     low, high = result.rate
+    interval = f" (95 % interval of the rate {100 * low:.0f} to {100 * high:.0f} %)" if len(result.trials) > 1 else ""
     return (
         f"{result.successes} of {len(result.trials)} robots with friction and masses drawn within {100 * SPREAD:.0f} "
-        f"% of these values also walked with the same references (95 % interval of the rate {100 * low:.0f} to "
-        f"{100 * high:.0f} %)."
+        f"% of these values also walked with the same references{interval}."
     )
 
 

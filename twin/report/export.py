@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number, poles
+from sysid.base.quantities import capital, display_quantity, number, poles
 from sysid.data.record import IOData
 from sysid.drawing.figure import Figure
 from sysid.estimation.result import Fit
@@ -22,8 +22,8 @@ def page(result: WrittenModel) -> Page:
     """The report on one export."""
     source = "the record's input" if result.source.recorded else "a drawn input"
     run = f"Free run of the fit under {source}: the exported code computes this output."
-    files = Section("Files", tables=tables(result), pictures=[Picture.of("free-run", free_run_figure(result), run)])
-    sections = [files]
+    alone = [] if result.check is not None else [Picture.of("free-run", free_run_figure(result), run)]
+    sections = [Section("Files", tables=tables(result), pictures=alone)]
     if result.fragment is not None and result.check is not None:
         caption = (
             "Angle of the fitted joint and of the MJCF elements in MuJoCo under the same input, and their difference. "
@@ -31,7 +31,10 @@ def page(result: WrittenModel) -> Page:
             "waves from a linkage that is not quite a quartic."
         )
         sections += [
-            Section("Check in MuJoCo", pictures=[Picture.of("mjcf", check_figure(result.check), caption)]),
+            Section(
+                "Check in MuJoCo",
+                pictures=[Picture.of("mjcf", check_figure(result.check, result.source.data.u_unit), caption)],
+            ),
             Section("MJCF", listings=[Listing("the file", result.fragment.model())]),
         ]
     return Page("Export", f"Made from {result.source.said}", sentences(result), sections, versions())
@@ -50,10 +53,7 @@ def sentences(result: WrittenModel) -> list[str]:
 def _warnings(result: WrittenModel) -> list[str]:
     """What the saved fit says against itself, the gravest first."""
     warnings = sorted(result.source.fit.warnings, key=lambda text: not text.startswith(UNFIT))
-    return [
-        f"{text[0].upper()}{text[1:]}." if text.startswith(UNFIT) else f"Warning of the fit: {text}."
-        for text in warnings
-    ]
+    return [f"{capital(text)}." if text.startswith(UNFIT) else f"Warning of the fit: {text}." for text in warnings]
 
 
 def _levels(result: WrittenModel) -> list[str]:
@@ -120,9 +120,9 @@ def free_run_figure(result: WrittenModel) -> Figure:
     return replace(stack_figure(data.t, signals), lettered=False)
 
 
-def check_figure(check: Check) -> Figure:
+def check_figure(check: Check, u_unit: str) -> Figure:
     """Free run of the fit, roll-out of the elements, and their difference."""
-    data = IOData(check.u, check.chain, check.Ts, "input u", "angle", "", "rad")
+    data = IOData(check.u, check.chain, check.Ts, "input u", "angle", u_unit, "rad")
     figure = runs_figure(data, {"MJCF in MuJoCo": check.rolled}, "fit")
     first, *rest = figure.panels
     return replace(figure, panels=[replace(first, title="the fitted joint and its MJCF"), *rest])

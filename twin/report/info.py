@@ -100,11 +100,10 @@ def value_grid(name: str, values: Sequence[Value], result: Information) -> Grid:
     rows = []
     for v in values:
         unit = display_quantity("", v.row.unit)
-        value, nominal, lower, upper = (
-            _shortest(x * unit.factor) for x in (v.value, v.row.nominal, v.row.lower, v.row.upper)
-        )
+        value, nominal = (_shortest(x * unit.factor) for x in (v.value, v.row.nominal))
+        lower, upper = (_shortest(x * unit.factor, 3) for x in (v.row.lower, v.row.upper))
         was = [nominal if v.changed else ""] if changed else []
-        rows.append((v.row.name, v.row.enters, v.row.source, value, *was, lower, upper, unit.unit))
+        rows.append((v.row.name, v.row.enters, v.row.source, value, *was, lower, upper, unit.unit.replace("s2", "s²")))
     headings = ("parameter", ENTERS, "source", "value", *(["nominal"] if changed else []), "from", "to", "unit")
     quiet = frozenset(k for k, v in enumerate(values) if changed and not v.changed)
     return Grid(headings, rows, name.capitalize() or "All joints", 3, quiet, last_text=True)

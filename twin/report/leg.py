@@ -25,7 +25,7 @@ FRAMES = 101  # poses over the record
 AXES = ("forward", "outward", "up")
 COLOURS = (style.INK, style.MODEL)
 # As near as all three names of axes stay inside the picture.
-CAMERA = {"eye": {"x": 2.35, "y": 1.8, "z": 0.7}, "center": {"x": 0.0, "y": 0.05, "z": -0.27}}
+CAMERA = {"eye": {"x": 2.7, "y": 2.05, "z": 0.8}, "center": {"x": 0.0, "y": 0.05, "z": -0.27}}
 CROWDED = 0.2  # [m] of an axis, below which five numbers would cover each other
 WIDTHS = (14, 6)  # of the links [px]: where two legs agree, both are seen
 Course = Mapping[str, np.ndarray]  # angle (N,) [rad] by joint
@@ -62,7 +62,7 @@ def picture(name: str, t: np.ndarray, sides: Mapping[str, Course], parameters: P
     samples = np.unique(np.linspace(0, len(t) - 1, min(FRAMES, len(t))).round().astype(int))
     courses = {side: {joint: _fill_gaps(y)[samples] for joint, y in course.items()} for side, course in sides.items()}
     legs = {side: poses(course, parameters) for side, course in courses.items()}
-    names = " and ".join(sides)
+    names = " and ".join(side if side.startswith("the ") else f"the {side}" for side in sides)
     caption = (
         f"The leg as {names} {'move' if len(sides) > 1 else 'moves'} it, at {len(samples)} moments of the record; "
         "joints without a record are at mid stroke. Positions in metres from the shoulder's axis; the thin line is the "

@@ -15,6 +15,7 @@ import numpy as np
 import twin
 from sysid.base.errors import InputError
 from sysid.base.files import versions
+from sysid.base.quantities import number
 from sysid.data.preprocess import quick_start
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.evaluation import evaluate
@@ -135,7 +136,7 @@ class ProtocolResult:
             results.append(
                 Check(
                     f"{r.joint}: poles of the compiled twin equal the closed form within {TRUTH_TOLERANCE:g}",
-                    f"largest distance {r.truth_error:.1e}",
+                    f"largest distance {number(r.truth_error, 2)}",
                     r.truth_error <= TRUTH_TOLERANCE,
                 )
             )

@@ -5,6 +5,7 @@ from fastapi.responses import PlainTextResponse, Response
 from nicegui import app, ui
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import capital
 from twin.app.desk import Desk
 from twin.app.page.fit import FitPanel, JobsPanel
 from twin.app.page.panel import View, note
@@ -82,7 +83,7 @@ def _page(desk: Desk) -> None:
     with ui.element("div").classes("qpal-page w-full q-pa-sm"):
         with ui.column().classes("w-full gap-3 min-w-0"):
             for complaint in desk.session.complaints:
-                note(f"{complaint[:1].upper()}{complaint[1:]}.", "text-negative")
+                note(f"{capital(complaint)}.", "text-negative")
             panels = [DataPanel(view), PreparePanel(view), FitPanel(view), StudyPanel(view)]
         with ui.column().classes("w-full gap-3 min-w-0"):
             panels += [JobsPanel(view), SignalsPanel(view), AdvicePanel(view), BoardPanel(view)]

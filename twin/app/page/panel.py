@@ -7,6 +7,7 @@ from typing import Any
 from nicegui import ui
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import capital
 from sysid.data.record import IOData
 from twin.app.desk import Desk
 from twin.app.entries import Data
@@ -106,7 +107,7 @@ def attempt(action: Callable[[], Any]) -> Any:
 
 def tell(sentence: str) -> None:
     """A message that stays until it is closed."""
-    text = sentence[:1].upper() + sentence[1:]
+    text = capital(sentence)
     ui.notify(text, type="warning", multi_line=True, close_button="OK", timeout=12000, position="top")
 
 

@@ -7,6 +7,7 @@ from nicegui import events, run, ui
 from sysid import excitations
 from sysid.base.errors import InputError
 from sysid.base.locks import scratch_folder
+from sysid.base.quantities import capital
 from sysid.data.preparation import MISSING
 from sysid.data.preprocess import DETREND
 from sysid.formats import TABLE as FORMATS
@@ -238,4 +239,4 @@ class AdvicePanel(RecordPanel):
             with ui.row().classes("items-start no-wrap gap-2 w-full"):
                 ui.icon(ICONS[finding.severity], color=COLOURS[finding.severity], size="18px")
                 text = f"{finding.sentence}: {finding.action}" if finding.action else finding.sentence
-                ui.label(text[:1].upper() + text[1:]).classes("text-body2 whitespace-normal break-words min-w-0")
+                ui.label(capital(text)).classes("text-body2 whitespace-normal break-words min-w-0")

@@ -5,6 +5,7 @@ from typing import Any
 from nicegui import ui
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import capital
 from twin.app import figures
 from twin.app.entries import Model, Runs
 from twin.app.page.panel import Panel, delete_button, note, tell
@@ -125,7 +126,7 @@ class DetailPanel(Panel):
         if kind == "models" and entry.notes:
             with ui.expansion(f"Notes ({len(entry.notes)})", icon="notes").classes("w-full").props("dense"):
                 for text in entry.notes:
-                    ui.label(f"{text[:1].upper()}{text[1:]}.").classes("text-body2 break-words")
+                    ui.label(f"{capital(text)}.").classes("text-body2 break-words")
 
     def _files(self, kind: str, key: str) -> None:
         with ui.row().classes("w-full gap-2 items-center"):
