@@ -53,8 +53,8 @@ def test_a_plant_of_two_inputs_and_outputs_is_recovered(square, capsys):
     page = (square / "o" / "report.html").read_text()
     for name in "cd":
         assert f"the same of {name}, validation data" in shown
-        assert f"{name}: Measured output" in page
-    assert "a and c: " in page
+        assert f"Output {name}. Measured output" in page
+    assert "Input a, output c. " in page
     offsets = np.loadtxt(square / "two.csv", delimiter=",", skiprows=1)[:, 1:].mean(axis=0)
     source = (square / "o" / "model.py").read_text()
     scope = {"__name__": "model"}
