@@ -24,6 +24,7 @@ from sysid.blocks import (
     FrictionLag,
     LimitedIntegrator,
     Motor,
+    Offset,
     PiecewiseLinear,
     Play,
     Polynomial,
@@ -121,6 +122,7 @@ BLOCKS = {
         np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 0.4, 0.1]),
     ),
     "quantiser": (Quantiser(step=0.3, role="map"), np.empty(0)),
+    "offset": (Offset(role="map"), np.array([0.7])),
     "rectifier": (Rectifier(role="map"), np.array([-0.3])),
     "saturation": (Saturation(role="map"), np.array([-1.1, 1.3])),
     "servo_motor": (  # kp, limit, gain, lag, rise, fall, load0, delay, lower, upper, x0, v0

@@ -19,6 +19,7 @@ from sysid.blocks.dynamic import Dynamic, dynamic
 from sysid.blocks.friction_lag import FrictionLag
 from sysid.blocks.limited_integrator import LimitedIntegrator
 from sysid.blocks.motor import Motor
+from sysid.blocks.offset import Offset
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
@@ -59,6 +60,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "friction_lag": FrictionLag,
     "limited_integrator": LimitedIntegrator,
     "motor": Motor,
+    "offset": Offset,
     "play": Play,
     "profiled_motor": ProfiledMotor,
     "quantiser": Quantiser,
@@ -98,6 +100,7 @@ __all__ = [
     "FrictionLag",
     "LimitedIntegrator",
     "Motor",
+    "Offset",
     "PiecewiseLinear",
     "Play",
     "Polynomial",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.blocks import Offset
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
@@ -74,7 +75,7 @@ def continue_from_linear_model(context: SearchContext, result: SearchResult) -> 
     if not several or not plain or not applies(chain) or len(chain.dynamics) != 1 or context.out_of_time:
         return result
     theta = result.problem.thetas(result.outcome.p)[0]
-    linear, rows = _best_linear_model(context, chain.part(theta, chain.linear))
+    linear, rows = _best_linear_model(context, theta)
     if not squared_errors(linear, rows, context.data) < _BELOW * _cost(result.problem.plain, result.outcome.p):
         return result
     best = result
@@ -89,12 +90,20 @@ def continue_from_linear_model(context: SearchContext, result: SearchResult) -> 
 
 
 def _best_linear_model(context: SearchContext, theta: np.ndarray) -> tuple[Chain, np.ndarray]:
-    """The best linear model of all experiments, as a chain, and its theta (K, p); `theta` (p,) is one start of two."""
+    """The best linear model of all experiments, with the offset that the chain has, and its theta (K, p).
+
+    `theta` (P,) of the chain gives one of two starts.
+    """
     linear, record = context.model.linear, longest(context.data)
-    chain = Chain((linear,))
+    offset = tuple(block for block in context.model.blocks if isinstance(block, Offset))
+    chain = Chain((linear, *offset))
     linear_context = replace(context, model=chain)
+    u, y = record.u[:, 0], record.y[:, 0]
+    u0, y0 = (u.mean(), y.mean()) if offset else (0.0, 0.0)
+    first = output_error_start(linear, u - u0, y - y0)
+    second = np.concatenate([context.model.part(theta, block) for block in chain.blocks])
     ends = []
-    for start in (output_error_start(linear, record.u[:, 0], record.y[:, 0]), theta):
+    for start in (np.append(first, [np.mean(y - linear.output(first, u))] * len(offset)), second):
         problem = linear_context.problem(with_initial_states(chain, start, context.data))
         outcome = iterate(problem, problem.start, LevenbergMarquardt(), context.options)
         ends.append((outcome.cost, problem.thetas(outcome.p)))
@@ -113,9 +122,9 @@ def _around_linear(chain: Chain, rows: np.ndarray, data: IOData, straight: bool)
     k = chain.blocks.index(linear)
     start_maps(chain, theta, chain.blocks[:k], data.u[:, 0], data.u[:, 0], straight)
     thetas = np.tile(theta, (len(rows), 1))
-    thetas[:, chain.index(linear)] = rows
+    thetas[:, chain.index(linear)] = rows[:, : linear.n_parameters]
     x = np.concatenate([chain.through(t, e.u[:, 0], 0, k + 1) for t, e in zip(thetas, data.experiments, strict=True)])
-    start_maps(chain, theta, chain.blocks[k + 1 :], x, x, straight)
+    start_maps(chain, theta, chain.blocks[k + 1 :], x, x + rows[0, linear.n_parameters :].sum(), straight)
     for block in chain.blocks[k + 1 :]:
         thetas[:, chain.index(block)] = theta[chain.index(block)]
     return thetas
@@ -172,6 +181,6 @@ def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
     if not mse * data.observed.sum() > _CLEAR * squares:
         return ()
     return (
-        "the free run is further from the output than the output's own mean: remove the offsets of the record "
-        "(sysid.data.preprocess.detrend), or choose another structure or other orders",
+        "the free run is further from the output than the output's own mean: give the structure an offset of its "
+        'output (offset="free"), or choose another structure or other orders',
     )

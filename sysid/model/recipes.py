@@ -8,13 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from sysid.base.checks import short_text
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import STATIC, Channels, TransferFunction, TransferMatrix, static
+from sysid.blocks import STATIC, Channels, Offset, TransferFunction, TransferMatrix, static
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 
 Map = str | StaticBlock
+OFFSETS = ("free", "none")
 Order = int | Sequence[Sequence[int]]
 
 
@@ -47,6 +48,11 @@ def static_map(word: str, help: str) -> Any:
 def choice(default: str, help: str, allowed: Sequence[str]) -> Any:
     """A field that is one of several names."""
     return field(default=default, metadata={"option": Option("name", help, allowed=tuple(allowed))})
+
+
+def zero_of_output() -> Any:
+    """A field that says whether the zero of the output is a parameter, see `with_offset`."""
+    return choice("free", "offset of the output, a parameter where no map holds it already", OFFSETS)
 
 
 def number(default: float | None, help: str, unit: str) -> Any:
@@ -165,7 +171,7 @@ class Recipe(ABC):
 
     @classmethod
     def detrend(cls, asked: str | None = None) -> str:
-        """What is removed from a record before a fit: what was asked for, else means where they may be removed.
+        """What is removed from a record before a fit: what was asked for, else nothing.
 
         Raises InputError where something else than "none" is asked for and signals count from zero.
         """
@@ -174,7 +180,7 @@ class Recipe(ABC):
                 f"detrend is {asked!r}, and {cls.zero} of structure {cls.name} count from zero; "
                 "leave it out or give none"
             )
-        return asked or ("none" if cls.zero else "mean")
+        return asked or "none"
 
     def scale(self, data: IOData) -> IOData:
         """The record on the scale that this structure needs: with its means back where signals count from zero."""
@@ -232,6 +238,31 @@ def maps(kind: Map | Sequence[Map], role: str, channels: int) -> Block:
     if len(kinds) != channels:
         raise InputError(f"{len(kinds)} {role} maps for {channels} channel(s); give one name, or one for each channel")
     return Channels(maps=tuple(static(k, role) for k in kinds), role=role)
+
+
+def with_offset(blocks: Sequence[Block], ny: int, offset: str) -> tuple[Block, ...]:
+    """The blocks of a chain, with the offsets of ny outputs behind them if `offset` is "free" and no map holds them."""
+    if offset not in OFFSETS:
+        raise unknown("offset", offset, OFFSETS)
+    return tuple(blocks) if offset == "none" or _hold_offset(blocks) else (*blocks, maps(Offset(), "offset", ny))
+
+
+def _hold_offset(blocks: Sequence[Block]) -> bool:
+    """Whether a map holds any offset of each output: one that moves its output while its input stays.
+
+    From the end on, a saturation whose limits move and a filter of one channel pass what a map before them holds.
+    """
+    for block in reversed(blocks):
+        parts = [part for _, part in block.parts()]
+        if all(isinstance(part, StaticBlock) for part in parts):
+            moves = [part.symmetries(part.start(np.linspace(-1.0, 1.0, 50))) for part in parts]
+            if all(any(s.out_shift and not s.in_shift for s in part) for part in moves):
+                return True
+            if not all(any(s.out_shift and s.in_shift for s in part) for part in moves):
+                return False
+        if block.channels != (1, 1):
+            return False
+    return False
 
 
 def filters(nb: Order, nf: Order, nk: Order, nu: int, ny: int, role: str = "linear") -> Block:

@@ -4,13 +4,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.base.checks import checked
-from sysid.base.errors import unknown
-from sysid.block.block import Block
-from sysid.blocks import Polynomial
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Order, Several, beside, choice, filters, maps
-
-OFFSETS = ("none", "free")
+from sysid.model.recipes import LinearOrders, Order, Several, filters, with_offset, zero_of_output
 
 
 @checked
@@ -23,14 +18,7 @@ def output_error(
     operating point, and without a free offset such a record can cost many times the loss. `limits` are the `fixed` and
     `bounds` of the chain, by parameter.
     """
-    if offset not in OFFSETS:
-        raise unknown("offset", offset, OFFSETS)
-    blocks: tuple[Block, ...] = (filters(nb, nf, nk, nu, ny),)
-    if offset == "free":
-        blocks += (maps(Polynomial(degree=1), "output", ny),)
-        names = ["output.c1"] if ny == 1 else [f"output.{j}.c1" for j in range(1, ny + 1)]
-        limits["fixed"] = beside(dict.fromkeys(names, 1.0), limits.get("fixed"))
-    return Chain(blocks, structure="output_error", **limits)
+    return Chain(with_offset([filters(nb, nf, nk, nu, ny)], ny, offset), structure="output_error", **limits)
 
 
 @checked
@@ -40,13 +28,13 @@ class OutputError(Several, LinearOrders):
 
     name: ClassVar[str] = "output_error"
     searched: ClassVar[bool] = True
-    offset: str = choice("none", "offset of the output of output_error", OFFSETS)
+    offset: str = zero_of_output()
 
     def model(self, nu: int = 1, ny: int = 1) -> Chain:
         return output_error(self.nb, self.nf, self.nk, nu, ny, self.offset)
 
     def __str__(self) -> str:
-        return super().__str__() + (" with an offset" if self.offset == "free" else "")
+        return super().__str__() + (" without an offset" if self.offset == "none" else "")
 
     def as_subject(self, fit: Any = None) -> str:
         return f"An {self.in_words(fit).replace('Output-Error', 'output-error')} model"

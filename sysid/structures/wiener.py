@@ -6,7 +6,18 @@ from typing import Any, ClassVar
 
 from sysid.base.checks import checked
 from sysid.model.chain import Chain
-from sysid.model.recipes import LinearOrders, Map, Order, Several, filters, maps, named, static_map
+from sysid.model.recipes import (
+    LinearOrders,
+    Map,
+    Order,
+    Several,
+    filters,
+    maps,
+    named,
+    static_map,
+    with_offset,
+    zero_of_output,
+)
 
 
 @checked
@@ -17,13 +28,16 @@ def wiener(
     output: Map | Sequence[Map] = "piecewise_linear",
     nu: int = 1,
     ny: int = 1,
+    offset: str = "none",
     **limits: Any,
 ) -> Chain:
     """y = h(B/F u): linear dynamics before a static map, for example of a sensor; one map for each output.
 
-    `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    `offset` is "free" for an offset of each output where no map holds it, else "none": then take the means off the
+    record first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
-    return Chain((filters(nb, nf, nk, nu, ny), maps(output, "output", ny)), structure="wiener", **limits)
+    blocks = (filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
+    return Chain(with_offset(blocks, ny, offset), structure="wiener", **limits)
 
 
 @checked
@@ -34,6 +48,7 @@ class Wiener(Several, LinearOrders):
     name: ClassVar[str] = "wiener"
     searched: ClassVar[bool] = True
     output_map: str | None = static_map("output map", "static map after the linear block")
+    offset: str = zero_of_output()
 
     def model(self, nu: int = 1, ny: int = 1) -> Chain:
-        return wiener(self.nb, self.nf, self.nk, nu=nu, ny=ny, **named(output=self.output_map))
+        return wiener(self.nb, self.nf, self.nk, nu=nu, ny=ny, offset=self.offset, **named(output=self.output_map))

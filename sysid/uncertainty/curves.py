@@ -14,6 +14,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import StaticBlock
+from sysid.blocks.offset import is_offset
 from sysid.uncertainty.information import GAUGE, Information
 from sysid.uncertainty.intervals import Band, band
 
@@ -66,8 +67,7 @@ class _Scale:
 @checked
 def curves(info: Information, points: int = 101, level: float = 0.95) -> tuple[Curve, ...]:
     """Every static map of the chain over its input range in the record."""
-    roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
-    return tuple(curve(info, role, points=points, level=level) for role in roles)
+    return tuple(curve(info, role, points=points, level=level) for role in _roles(info))
 
 
 @checked
@@ -76,20 +76,27 @@ def curve(info: Information, role: str, x: np.ndarray | None = None, points: int
 
     x is in the scale of the curve, see `Curve`. The first of merged experiments gives the scale.
     """
-    roles = [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters]
-    if role not in roles:
-        raise unknown("static map", role, roles)
+    if role not in _roles(info):
+        raise unknown("static map", role, _roles(info))
     k = next(i for i, b in enumerate(info.chain.blocks) if b.role == role)
     signals, correlation = _signals(info, k)
     own_x = np.linspace(signals[0].lower, signals[0].upper, points) if x is None else np.asarray(x, dtype=float)
     raw = band(info, own_x, *_raw(info, k, own_x), level)
     u_unit, y_unit = info.data.u_unit, info.data.y_unit
-    first, last = k == 0, k == len(info.chain.blocks) - 1
+    first, last = k == 0, _is_last(info, k)
     units = (u_unit if first else y_unit if last else "", y_unit if last else u_unit if first else "")
     if raw.note != GAUGE:
         return Curve(role, raw, OWN, units[0] if first else "", units[1] if last else "")
     scales = _scales(info, first, last, 1.0 if correlation >= 0 else -1.0)
     return Curve(role, _normalised_band(info, k, signals, scales, x, points, level), NORMALISED, *units)
+
+
+def _roles(info: Information) -> list[str]:
+    return [b.role for b in info.chain.blocks if isinstance(b, StaticBlock) and b.n_parameters and not is_offset(b)]
+
+
+def _is_last(info: Information, k: int) -> bool:
+    return all(map(is_offset, info.chain.blocks[k + 1 :]))
 
 
 def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]:
@@ -119,12 +126,10 @@ def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_S
 
 
 def _raw(info: Information, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The map at fixed x (n,) in its own scale, with its gradient (n, P)."""
-    block, P = info.chain.blocks[k], len(info.theta)
-    wide = np.zeros((len(x), block.n_parameters))
-    y = block.propagate(info.chain.part(info.theta, block), np.ascontiguousarray(x), wide, 0)
-    gradient = np.zeros((len(x), P))
-    gradient[:, info.chain.index(block)] = wide
+    """The map at fixed x (n,) in its own scale, with its gradient (n, P); the last one with the offset behind it."""
+    y, gradient = np.ascontiguousarray(x), np.zeros((len(x), len(info.theta)))
+    for block in info.chain.blocks[k:] if _is_last(info, k) else info.chain.blocks[k : k + 1]:
+        y = block.propagate(info.chain.part(info.theta, block), y, gradient, info.chain.index(block).start)
     return y, gradient
 
 

@@ -10,6 +10,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.block.block import StaticBlock
 from sysid.blocks import Channels
+from sysid.blocks.offset import is_offset
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
 from sysid.estimation.result import Fit
@@ -160,7 +161,8 @@ def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: 
     else:
         size = "" if has_ample_samples(fit) else "the model is too large for this record, or "
         blocks = fit.model.blocks if isinstance(fit, Fit) else ()
-        smaller = ", choose smaller maps" if any(isinstance(b, StaticBlock | Channels) for b in blocks) else ""
+        has_map = any(isinstance(b, StaticBlock | Channels) and not is_offset(b) for b in blocks)
+        smaller = ", choose smaller maps" if has_map else ""
         cause = f"{size}the two parts differ; lower the orders{smaller} or inspect the data"
     return [f"the fit is {words[0]} on the estimation data and {words[1]} on the validation data: {cause}"]
 
@@ -230,20 +232,24 @@ def _step_response(fit: Fit, u0: float) -> Curve | None:
 
 
 def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
-    """The static maps over the range of the estimation data, by role."""
+    """The static maps over the range of the estimation data, by role; the last one with the offset behind it."""
     maps = {}
-    for block, x in zip(fit.model.blocks, fit.model.signals(fit.theta, data.u), strict=False):
+    signals = fit.model.signals(fit.theta, data.u)
+    for k, (block, x) in enumerate(zip(fit.model.blocks, signals, strict=False)):
+        if is_offset(block):
+            continue
         if isinstance(block, StaticBlock):
             grid = np.linspace(x.min(), x.max(), 201)
             y = fit.curve(block.role, grid)
             if y is not None:
-                maps[block.role] = Curve(grid, y)
+                last = all(map(is_offset, fit.model.blocks[k + 1 :]))
+                maps[block.role] = Curve(grid, fit.model.through(fit.theta, y, k + 1) if last else y)
         elif isinstance(block, Channels):
             theta = fit.model.part(fit.theta, block)
-            for k, ((slots, part_block), column) in enumerate(zip(block.parts(), x.T, strict=True), 1):
+            for channel, ((slots, part_block), column) in enumerate(zip(block.parts(), x.T, strict=True), 1):
                 grid = np.linspace(column.min(), column.max(), 201)
                 if isinstance(part_block, StaticBlock) and part_block.n_parameters:
-                    maps[f"{block.role} {k}"] = Curve(grid, part_block.output(theta[slots], grid))
+                    maps[f"{block.role} {channel}"] = Curve(grid, part_block.output(theta[slots], grid))
     return maps
 
 

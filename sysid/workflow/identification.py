@@ -10,6 +10,7 @@ from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
+from sysid.data.trends import with_offsets
 from sysid.diagnosis.advice import advise
 from sysid.model.recipes import Several
 from sysid.selection.select import select
@@ -74,11 +75,11 @@ def identify_file(
     name several columns, "a,b". A structure search uses only the first part, as every fit does; `candidate(done, total,
     name)` receives its progress, and `progress` a text after each search of a fit. Settings in the unit of the output
     are in that of its column. An angle that wraps at a turn counts on over turns for structures of absolute signals and
-    for a search. `preparation` is done to every record. `detrend` None means what it says, else "mean", or "none" for a
-    structure with absolute signals (`Recipe.zero`). Every InputError names the file.
+    for a search. `preparation` is done to every record. `detrend` None means what it says, else "none": the zero of the
+    output is a parameter of the structures. A saved start keeps its own zero. Every InputError names the file.
     """
     detrend = detrend or preparation.detrend
-    detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "mean"
+    detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "none"
     _check_plan(setting, preparation, detrend, split, bool(validation))
     paths = (path,) if isinstance(path, str | os.PathLike) else tuple(path)
 
@@ -101,6 +102,10 @@ def identify_file(
             validation_record = replace(validation_record, data=replace(validation_record.data, Ts=record.data.Ts))
         plan = Plan(preparation, 0.5 if split is None else split, detrend, validation_record)
         estimation, validation_part = plan.parts(record.data)
+        start = setting.held.start if isinstance(setting, Setting) else None
+        if start is not None and detrend == "none":
+            zero = start.u_offset, start.y_offset
+            estimation, validation_part = with_offsets(estimation, *zero), with_offsets(validation_part, *zero)
         check_parts(estimation, validation_part)
         findings = advise(record.data)
         fitting()

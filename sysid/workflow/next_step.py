@@ -273,7 +273,7 @@ def command(
     for option, value, default in (
         ("--search", "auto" if structure or own else s.search, "auto"),
         ("--split", "0.5" if plan.validation is not None else f"{split or result.split:g}", "0.5"),
-        ("--detrend", "mean" if own or lines else result.detrend, "mean"),
+        ("--detrend", "none" if own or lines else result.detrend, "none"),
         ("--starts", str(STARTS if kept else starts or (STARTS if structure else s.starts)), str(STARTS)),
         ("--seed", str(s.seed), "0"),
     ):

@@ -27,13 +27,15 @@ class Plan:
 
     preparation: Preparation = field(default_factory=Preparation)
     split: float = 0.5
-    detrend: str = "mean"
+    detrend: str = "none"
     validation: Record | None = None
 
     def in_words(self) -> str:
         """Where the offsets that were removed come from."""
         span = "over the whole record" if self.validation is None else "over the estimation data"
-        return "levels before the first movement" if self.detrend == "steady" else f"means {span}"
+        return {"steady": "levels before the first movement", "none": "the zero of the saved model"}.get(
+            self.detrend, f"means {span}"
+        )
 
     def parts(self, data: IOData) -> tuple[IOData, IOData]:
         """Estimation and validation data of a prepared record.

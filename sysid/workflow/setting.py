@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import StaticBlock
+from sysid.block.block import Block, StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.channels.conversion import convert
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.estimation.starts._start import clip_to_bounds
+from sysid.estimation.starts._start import clip_to_bounds, start_maps
 from sysid.fitting import load
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
@@ -177,23 +177,30 @@ def _same_space(saved_chain: Chain, chain: Chain) -> bool:
 
 
 def _straight_maps(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
-    """The saved linear block with its maps as straight lines over their signals."""
+    """The saved linear block with its maps as straight lines over their signals, at the level of the saved model."""
     theta = np.zeros(len(chain.names))
-    x = data.u
+    x, target, behind = data.u, data.u, False
     for k, block in enumerate(chain.blocks):
-        if isinstance(block, (StaticBlock, Channels)):
-            theta[chain.index(block)] = _lines(block, x)
-        else:
+        is_filter = not isinstance(block, (StaticBlock, Channels))
+        if is_filter:
             theta[chain.index(block)] = start.model.part(start.theta, start.model.blocks[0])
+        else:
+            theta[chain.index(block)] = _lines(block, x, target)
         x = Chain(chain.blocks[: k + 1]).outputs(theta[: chain.index(block).stop], data.u)
+        behind = behind or is_filter
+        target = start.model.outputs(start.theta, data.u) if behind else x
     return theta
 
 
-def _lines(block: StaticBlock | Channels, x: np.ndarray) -> np.ndarray:
-    """The parameters of maps that leave x (N, n) as it is, as far as they can."""
-    if isinstance(block, Channels):
-        return np.concatenate([part_map.start(column) for part_map, column in zip(block.maps, x.T, strict=True)])
-    return block.start(x[:, 0])
+def _lines(block: Block, x: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """The parameters of maps that leave x (N, n) as it is but for the level, as far as they can."""
+    pieces = []
+    for (_, part), column, goal in zip(block.parts(), x.T, target.T, strict=True):
+        assert isinstance(part, StaticBlock)
+        piece = np.zeros(part.n_parameters)
+        start_maps(Chain((part,)), piece, (part,), np.ascontiguousarray(column), goal)
+        pieces.append(piece)
+    return np.concatenate(pieces)
 
 
 def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:
@@ -209,11 +216,11 @@ def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:
     if isinstance(space, StateSpace) and "nx" in orders:
         settings = {"nx": space.nx, "units": space.units, "degree": space.degree, "spread": space.spread}
         settings["readout"] = "network" if space.readout else "linear"
-    if "offset" in kind.options():
-        settings["offset"] = "free" if chain.block("output") is not None else "none"
     for field_name, role in (("input_map", "input"), ("output_map", "output")):
         if field_name in kind.options() and (name := _map_name(chain, role)):
             settings[field_name] = name
+    if "offset" in kind.options() and chain.block("offset") is None and kind(**settings).model().block("offset"):
+        settings["offset"] = "none"
     return settings
 
 

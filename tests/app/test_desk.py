@@ -69,7 +69,7 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     model = desk.session.models["m1"]
     assert model.fit_validation is not None
     assert 80.0 < model.fit_validation < 100.0
-    assert model.d == 3  # one coefficient of B, one of F, an initial state
+    assert model.d == 4  # one coefficient of B, one of F, an initial state, an offset
     assert any("Butterworth" in note for note in model.notes)
     drawn = desk.figures("models", "m1")
     assert {"free-run", "residuals", "pole-zero", "bode", "step-response"} <= set(drawn)
@@ -80,12 +80,12 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     assert runs.t[0] == 1.0
     assert abs(runs.t[-1] - 18.0) < 1e-9
     assert {"script.py", "report.html", "model.json", "model.c", "model.py"} == set(desk.files("models", "m1"))
-    assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 3
+    assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 4
 
 
 def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_times(desk):
     data = desk.prepared_record("d1")[0]
-    assert np.abs(data.y.mean()) > 1e-3  # it is removed before this fit
+    assert np.abs(data.y.mean()) > 1e-3
     figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
     measured, model, *_, volts = figure["data"]
     degrees = 180.0 / np.pi
@@ -372,9 +372,8 @@ def test_the_worker_fits_what_the_library_fits(desk):
     """Against plain calls of the library on the prepared record."""
     entry, model = desk.session.data["d1"], desk.session.models["m1"]
     record = tasks.open_record(desk.session.log("d1"), entry)
-    data = sysid.data.detrend(entry.prepare.preparation().apply(record.data))
-    estimation, validation = data.split(0.5)
-    fit = sysid.fit(sysid.structures.output_error(1, 1, 1), estimation, starts=1, seed=0)
+    estimation, validation = entry.prepare.preparation().apply(record.data).split(0.5)
+    fit = sysid.fit(sysid.structures.output_error(1, 1, 1, offset="free"), estimation, starts=1, seed=0)
     assert fit.fit_percent(validation) == model.fit_validation
 
 

@@ -43,10 +43,7 @@ def test_arguments_are_shown_without_python_types(capsys):
 def test_brackets_are_not_swallowed(capsys):
     assert main(["identify", "--help"]) == 0
     shown = _solid(capsys.readouterr().out)
-    assert (
-        _solid("what to remove [mean; none of an actuated joint, coupled drives, a motor profile, a servo joint]: ")
-        in shown
-    )
+    assert _solid("what to remove [none: the zero of the output is a parameter]: ") in shown
     assert _solid("of nlarx na,nb,nk; of state_space nx,units,degree [2,3,1; 9; 2,2,1; 2,5,0]") in shown
 
 

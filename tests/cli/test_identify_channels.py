@@ -34,7 +34,7 @@ def square(tmp_path, monkeypatch):
 
 def test_a_plant_of_two_inputs_and_outputs_is_recovered(square, capsys):
     line = ["two.csv", *NAMES, "--structure", "output_error", "--orders", "1,1,1", "--starts", "1"]
-    assert main(["identify", *line, "--offset", "free", "--out", "o"]) == 0
+    assert main(["identify", *line, "--out", "o"]) == 0
     shown = capsys.readouterr().out
     summary = json.loads((square / "o" / "summary.json").read_text())
     values = {p["name"]: p["value"] for p in summary["parameters"]}
@@ -55,12 +55,12 @@ def test_a_plant_of_two_inputs_and_outputs_is_recovered(square, capsys):
         assert f"the same of {name}, validation data" in shown
         assert f"Output {name}. Measured output" in page
     assert "Input a, output c. " in page
-    offsets = np.loadtxt(square / "two.csv", delimiter=",", skiprows=1)[:, 1:].mean(axis=0)
     source = (square / "o" / "model.py").read_text()
     scope = {"__name__": "model"}
     exec(source, scope)
-    rest = [values[f"output.{j}.c2"] for j in (1, 2)]
-    assert scope["simulate"]([offsets[:2].tolist()])[0] == pytest.approx(offsets[2:] + rest)  # each has its offset
+    rest = [values[f"offset.{j}.y0"] for j in (1, 2)]
+    assert rest == pytest.approx([3.0, -2.0], abs=0.02)
+    assert scope["simulate"]([[0.0, 0.0]])[0] == pytest.approx(rest)  # each has its offset
 
 
 def test_each_output_has_its_runs_tests_and_figures(square):

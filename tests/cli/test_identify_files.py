@@ -61,7 +61,7 @@ def test_files_are_experiments_with_initial_states_of_their_own(three, capsys):
     np.testing.assert_allclose(sorted(p["re"] for p in summary["poles"]), POLES, atol=3e-3)
     assert summary["fit_percent"]["validation"] > 98.5  # noise alone leaves 1 %
     assert summary["criteria"]["N"] == 400
-    assert summary["criteria"]["d"] == 4 + 2 * 2  # both initial states are estimated
+    assert summary["criteria"]["d"] == 4 + 2 * 2 + 1  # both initial states are estimated, and an offset
     read = summary["read"]
     assert read["experiments"] == [{"file": "a.csv", "samples": 200}, {"file": "b.csv", "samples": 200}]
     assert (read["split"], read["validation"]["file"], read["validation"]["samples"]) == (None, "c.csv", 200)
@@ -78,7 +78,7 @@ def test_without_validation_files_every_experiment_is_split(three):
 
 
 def test_validation_records_count_from_the_zero_of_the_estimation_data(three):
-    found = identify_file("a.csv", OE, validation=["b.csv", "c.csv"]).evaluation
+    found = identify_file("a.csv", OE, validation=["b.csv", "c.csv"], detrend="mean").evaluation
     a, b, c = (read_record(f"{name}.csv").data for name in "abc")
     assert found.estimation.N == a.N  # all of it
     assert found.validation.lengths == (200, 200)

@@ -58,7 +58,7 @@ def refused(line, capsys):
 
 
 def test_a_true_parameter_that_is_held_is_exact_and_improves_the_others(logs, capsys):
-    line = "plain.csv --structure output_error --orders 2,2,1 --starts 1 --detrend none --fix linear.f1=-1.5 "
+    line = "plain.csv --structure output_error --orders 2,2,1 --starts 1 --offset none --fix linear.f1=-1.5 "
     assert main(["identify", *shlex.split(line + "--fix linear.f2=0.54 --json --out o")]) == 0
     summary = json.loads(capsys.readouterr().out)
     held = {p["name"]: p for p in summary["parameters"]}
@@ -70,7 +70,7 @@ def test_a_true_parameter_that_is_held_is_exact_and_improves_the_others(logs, ca
     for name in ("linear.b0", "linear.b1"):
         assert held[name]["std"] < 0.8 * free[name].std
         assert abs(held[name]["value"] - TRUE[name]) < 3 * held[name]["std"]
-    assert summary["criteria"]["d"] == 4  # b0, b1 and the initial state
+    assert summary["criteria"]["d"] == 4  # b0, b1 and the initial state, with --offset none
 
 
 def test_a_bound_holds_and_is_reached_where_the_optimum_is_beyond_it(logs):
@@ -156,7 +156,8 @@ def test_what_cannot_be_held_is_told_with_what_can(logs, capsys, given, found):
 
 
 def test_the_level_at_rest_is_the_zero_of_a_record_that_begins_there(logs):
-    steady, mean = (identified("rest", detrend=kind) for kind in ("steady", "mean"))
+    steady = identified("rest", detrend="steady")
+    mean = identified("rest", OutputError(2, 2, 1, offset="none"), detrend="mean")
     data = read_record("rest.csv").data
     u, y = steady_level(data)
     assert (u[0], y[0]) == (4.0, pytest.approx(7.0, abs=0.02))

@@ -16,9 +16,10 @@ from sysid.workflow.saved import Reading
 from twin.cli import main
 
 STRUCTURES = {
-    "chain": ["output_error", "--orders", "2,2,1"],
+    "chain": ["output_error", "--orders", "2,2,1", "--offset", "none"],
     "nlarx": ["nlarx", "--orders", "2,2,1", "--starts", "1"],
 }
+LEVELS = ["--detrend", "mean"]  # so that the model has offsets of its record
 
 
 def rows(N=600, seed=0):
@@ -45,7 +46,7 @@ def place(request, tmp_path_factory):
         table = rows()
         write(folder / "rig.csv", table)
         write(folder / "second.csv", table[300:])
-        assert main(["identify", "rig.csv", "--structure", *STRUCTURES[request.param], "--out", "fit"]) == 0
+        assert main(["identify", "rig.csv", "--structure", *STRUCTURES[request.param], *LEVELS, "--out", "fit"]) == 0
     return folder
 
 

@@ -123,7 +123,8 @@ def test_the_model_files_say_what_the_summary_says_on_the_records_own_scale(tmp_
     path.write_text(
         "u,y\n" + "".join(f"{a + 5.0!r},{b - 30.0!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
     )
-    arguments = ["--ts", str(TS), "--structure", "output_error", "--orders", "2,2,1", "--out", str(tmp_path / "out")]
+    arguments = ["--ts", str(TS), "--structure", "output_error", "--orders", "2,2,1", "--detrend", "mean"]
+    arguments += ["--out", str(tmp_path / "out")]
     assert main(["identify", str(path), *arguments]) == 0
     fit = sysid.load(tmp_path / "out" / "model.json")
     names: dict[str, Any] = {"__name__": "model"}

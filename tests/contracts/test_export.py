@@ -16,6 +16,7 @@ from sysid.block import step
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.blocks import STATIC, TABLE, Channels, Custom, Delay, TransferFunction, TransferMatrix
+from sysid.blocks.offset import is_offset
 from sysid.export import c as export_c
 from sysid.export import closed_form
 from sysid.export import python as export_python
@@ -28,7 +29,7 @@ MAPS = {**{k: v for k, v in BLOCKS.items() if k in STATIC}, **VARIANTS}
 COMPOSED = (Channels, TransferMatrix)  # taken apart into the blocks that they are made of
 # Where each structure of filters and maps has its maps.
 ON_MAPS = {
-    name: tuple(b.role for b in recipe.model().blocks if isinstance(b, StaticBlock))
+    name: tuple(b.role for b in recipe.model().blocks if isinstance(b, StaticBlock) and not is_offset(b))
     for name, recipe in STRUCTURES.items()
     if isinstance(recipe, LinearOrders) and isinstance(recipe.model(), Chain)
 }

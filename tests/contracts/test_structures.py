@@ -81,14 +81,14 @@ def test_records_of_what_counts_from_zero_keep_their_means(name):
     """Whoever refuses to have means removed puts them back; whoever does not leaves the record alone."""
     data = IOData(np.array([-1.0, 1.0]), np.array([-2.0, 2.0]), 1.0, u_offset=np.array([3.0]), y_offset=np.array([4.0]))
     scaled, kind = STRUCTURES[name].scale(data), TABLE[name]
-    assert kind.detrend("none") == "none"
-    if kind.detrend() == "none":
+    assert kind.detrend("none") == kind.detrend() == "none"
+    if kind.zero:
         with pytest.raises(InputError, match=f"detrend is 'mean', and .*{name}.* count from zero"):
             kind.detrend("mean")
         np.testing.assert_array_equal(scaled.u[:, 0], [2.0, 4.0])
         np.testing.assert_array_equal(scaled.y[:, 0], [2.0, 6.0])
     else:
-        assert kind.detrend("mean") == kind.detrend() == "mean"
+        assert kind.detrend("mean") == "mean"
         assert scaled is data
 
 
@@ -111,11 +111,16 @@ def test_settings_that_give_no_model_are_refused_before_any_work():
 def test_a_recipe_makes_the_chain_that_its_function_makes():
     """A map that is not named is the function's own default."""
     for found, expected in (
-        (Hammerstein(4, 5, 6, "dead_zone"), structures.hammerstein(4, 5, 6, "dead_zone")),
+        (Hammerstein(4, 5, 6, "dead_zone"), structures.hammerstein(4, 5, 6, "dead_zone", offset="free")),
         (HammersteinWiener(4, 5, 6), structures.hammerstein_wiener(4, 5, 6)),
-        (HammersteinWiener(4, 5, 6, None, "dead_zone"), structures.hammerstein_wiener(4, 5, 6, output="dead_zone")),
-        (OutputError(4, 5, 6), structures.output_error(4, 5, 6)),
-        (Wiener(4, 5, 6, "dead_zone"), structures.wiener(4, 5, 6, "dead_zone")),
+        (HammersteinWiener(4, 5, 6, None, "saturation"), structures.hammerstein_wiener(4, 5, 6, output="saturation")),
+        (
+            HammersteinWiener(4, 5, 6, None, "dead_zone"),
+            structures.hammerstein_wiener(4, 5, 6, output="dead_zone", offset="free"),
+        ),
+        (OutputError(4, 5, 6), structures.output_error(4, 5, 6, offset="free")),
+        (OutputError(4, 5, 6, "none"), structures.output_error(4, 5, 6)),
+        (Wiener(4, 5, 6, "dead_zone"), structures.wiener(4, 5, 6, "dead_zone", offset="free")),
         (WienerHammerstein(4, 5, 6), structures.wiener_hammerstein(4, 5, 6)),
         (NonlinearArx(4, 5, 6, "simulation"), structures.nlarx(4, 5, 6, focus="simulation")),
         (ActuatedJoint("dead_zone"), structures.actuated_joint("dead_zone", play=False)),

@@ -127,7 +127,7 @@ def test_the_command_keeps_what_was_given(capsys):
         file.write("t,drive in,other,out\n")
         file.writelines(f"{0.1 * k:.1f},{a:.9g},0.5,{b:.9g}\n" for k, (a, b) in enumerate(zip(u, y, strict=True)))
     given = ["my log.csv", "--input", "drive in", "--output", "out", "--time", "t", "--structure", "hammerstein"]
-    given += ["--orders", "1,1,1", "--input-map", "polynomial", "--search", "lm", "--split", "0.6", "--detrend", "none"]
+    given += ["--orders", "1,1,1", "--input-map", "polynomial", "--search", "lm", "--split", "0.6", "--detrend", "mean"]
     given += ["--starts", "2", "--seed", "3"]
     poor = identified(given, capsys)
     expected = ["qpal", "identify", *given]

@@ -66,7 +66,7 @@ def identify(
         float | None, options.number("PART", "share of the record used as estimation data, from its start [0.5]")
     ] = None,
     detrend: Annotated[
-        str | None, options.name(f"what to remove [mean; none of {recipes.counted_from_zero()}]", DETREND)
+        str | None, options.name("what to remove [none: the zero of the output is a parameter]", DETREND)
     ] = None,
     zero: Annotated[
         str | None, options.name("zero of the signals: their mean, or the level before the first movement", ZERO)

@@ -72,11 +72,6 @@ def refuse_settings(values: Mapping[str, Any], structure: str) -> None:
             )
 
 
-def counted_from_zero() -> str:
-    """The structures whose records keep their means, in words."""
-    return ", ".join(_with_article(name.replace("_", " ")) for name, kind in TABLE.items() if kind.zero)
-
-
 def _names(kind: type[Recipe]) -> list[str]:
     """Names of a recipe's settings; its orders are one."""
     orders = [ORDERS] if kind.of_kind("order") else []
@@ -124,9 +119,3 @@ def _example(kind: type[Recipe]) -> str:
 
 def _option_name(name: str) -> str:
     return name.replace("_", "-")
-
-
-def _with_article(noun: str) -> str:
-    if noun.endswith("s"):  # a plural
-        return noun
-    return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"

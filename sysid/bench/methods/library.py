@@ -5,6 +5,7 @@ The bar is a search of the true structure that begins at the true parameters. It
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,6 @@ from sysid.base.errors import InputError
 from sysid.bench.contract import Data
 from sysid.bench.method import FunctionMethod
 from sysid.bench.task import Task
-from sysid.blocks import Polynomial
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.fitting import fit
@@ -22,7 +22,7 @@ from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.select import select
 from sysid.solver.iterate import Options
-from sysid.structures import actuated_joint, hammerstein, hammerstein_wiener, nlarx, wiener
+from sysid.structures import actuated_joint, hammerstein, hammerstein_wiener, nlarx, output_error, wiener
 from sysid.structures.wiener_hammerstein import wiener_hammerstein
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import poles
@@ -33,22 +33,19 @@ SHARE = 0.8  # of the time for the searches, which begin after the starts and en
 
 @dataclass(frozen=True)
 class LibraryModel:
-    """A fit as the contract wants it; `zero` (2,) are the means of u and y that were taken away before the fit."""
+    """A fit as the contract wants it."""
 
     fit: Fit | NlarxFit
     data: IOData
-    zero: tuple[float, float]
     chosen: str = ""  # what a search chose, in words
     cut: str = ""  # what a search had no time for, in words
 
     def simulate(self, u: np.ndarray, y_init: np.ndarray) -> np.ndarray:
         """Free run (N,); the initial state is fitted to y_init (n,), rest without it."""
-        u0, y0 = self.zero
         if not len(y_init):
-            return self.fit.simulate(u - u0) + y0
+            return self.fit.simulate(u)
         y = np.concatenate([y_init, np.full(len(u) - len(y_init), y_init[-1])])
-        data = IOData(u - u0, y - y0, self.fit.Ts, u_offset=np.array([u0]), y_offset=np.array([y0]))
-        return self.fit.simulate(data, len(y_init)) + y0
+        return self.fit.simulate(IOData(u, y, self.fit.Ts), len(y_init))
 
     @property
     def poles(self) -> np.ndarray | None:
@@ -84,47 +81,24 @@ def record(data: Data) -> IOData:
     return IOData.merge(*(IOData(u, y, data.Ts, missing=m[:, None]) for u, y, m in parts))
 
 
-def remove_means(raw: IOData) -> tuple[IOData, tuple[float, float]]:
-    """The record less the means of u and of the measured y, and these."""
-    u0, y0 = float(raw.u.mean()), float(raw.y[raw.observed].mean())
-    parts = (
-        IOData(e.u - u0, e.y - y0, e.Ts, missing=e.missing, u_offset=np.array([u0]), y_offset=np.array([y0]))
-        for e in raw.experiments
-    )
-    return IOData.merge(*parts), (u0, y0)
-
-
-def offset_error(nb: int, nf: int, nk: int) -> Chain:
-    """Output error with a free offset of the output: means that are taken away are wrong for a record that begins at
-    rest, and cost up to 13 times the loss."""
-    return wiener(nb, nf, nk, output=Polynomial(degree=1), fixed={"output.c1": 1.0})
-
-
-def fit_method(
-    model: Callable[[int, int, int], Chain | Nlarx], absolute: bool = False
-) -> Callable[[Data], LibraryModel]:
-    """A method of the contract that fits model(nb, nf, nk); signals keep their zero if `absolute`."""
+def fit_method(model: Callable[[int, int, int], Chain | Nlarx]) -> Callable[[Data], LibraryModel]:
+    """A method of the contract that fits model(nb, nf, nk)."""
 
     def method(data: Data) -> LibraryModel:
-        raw = record(data)
-        signals, zero = (raw, (0.0, 0.0)) if absolute else remove_means(raw)
+        signals = record(data)
         chain = model(*(data.orders or ORDERS))
         usual = 100 if isinstance(chain, Nlarx) else Options().max_iterations
         options = Options(max_iterations=usual, max_seconds=SHARE * data.seconds)
-        return LibraryModel(fit(chain, signals, seed=data.seed, options=options), signals, zero)
+        return LibraryModel(fit(chain, signals, seed=data.seed, options=options), signals)
 
     return method
 
 
 def auto(data: Data) -> LibraryModel:
     """The structure search, on one core; it sees no orders."""
-    raw = record(data)
-    signals, zero = remove_means(raw)
+    signals = record(data)
     selection = select(signals, seed=data.seed, jobs=1, seconds=SHARE * data.seconds)
-    words = str(selection.chosen.candidate), selection.cut
-    if selection.chosen.candidate.zero:  # a structure whose zero means something, such as no voltage: fitted to raw
-        return LibraryModel(selection.fit, raw, (0.0, 0.0), *words)
-    return LibraryModel(selection.fit, signals, zero, *words)
+    return LibraryModel(selection.fit, signals, str(selection.chosen.candidate), selection.cut)
 
 
 def from_truth(data: Data, task: Task) -> LibraryModel:
@@ -133,11 +107,13 @@ def from_truth(data: Data, task: Task) -> LibraryModel:
     if truth is None or truth.chain is None:
         raise InputError("the plant of this scenario is no chain, so no search can begin at its parameters")
     raw = record(data)
-    return LibraryModel(fit(truth.chain, raw, start=truth.theta), raw, (0.0, 0.0))
+    return LibraryModel(fit(truth.chain, raw, start=truth.theta), raw)
 
 
 METHODS = (
-    FunctionMethod("output_error", "linear output error with a free offset", fit_method(offset_error, absolute=True)),
+    FunctionMethod(
+        "output_error", "linear output error with a free offset", fit_method(partial(output_error, offset="free"))
+    ),
     FunctionMethod("hammerstein", "Hammerstein, ten free break points", fit_method(hammerstein)),
     FunctionMethod("wiener", "Wiener, ten free break points", fit_method(wiener)),
     FunctionMethod(
@@ -149,9 +125,7 @@ METHODS = (
         "nonlinear ARX fitted to its free run",
         fit_method(lambda nb, nf, nk: nlarx(na=nf, nb=nb, nk=nk, focus="simulation")),
     ),
-    FunctionMethod(
-        "actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint(), absolute=True)
-    ),
+    FunctionMethod("actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint())),
     FunctionMethod("auto", "structure search without orders", auto),
 )
 FROM_TRUTH = FunctionMethod(

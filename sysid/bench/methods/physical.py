@@ -106,7 +106,7 @@ class OnRecord:
 
     def _fit_record(self, data: Data) -> LibraryModel:
         train = record(data)
-        return LibraryModel(self.fit(train, data.seed), train, (0.0, 0.0))
+        return LibraryModel(self.fit(train, data.seed), train)
 
 
 METHODS = (

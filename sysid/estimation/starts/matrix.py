@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import Channels, TransferMatrix
+from sysid.blocks import TransferMatrix
 from sysid.data.record import IOData
 from sysid.estimation.starts._start import Start, delay, generators, longest, output_error_start, start_maps
 from sysid.model.chain import Chain
@@ -16,7 +16,7 @@ class Matrix(Start):
     blocks = (TransferMatrix,)
 
     def suits(self, chain: Chain) -> bool:
-        return len(chain.blocks) <= 3
+        return len(chain.blocks) <= 4
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
         record, draws = longest(data), generators(count, seed)
@@ -58,7 +58,7 @@ def _start_channels(
 ) -> np.ndarray:
     """Start the maps of all channels from x to target (N, n), write them into theta and return their output."""
     for b in blocks:
-        if not isinstance(b, Channels):
+        if not all(isinstance(part, StaticBlock) for _, part in b.parts()):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
         part = chain.index(b)
         columns = []

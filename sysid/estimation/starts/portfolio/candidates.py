@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.blocks import TransferFunction
+from sysid.blocks import Offset, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.starts import starts
 from sysid.estimation.starts.portfolio import curves, two_filters
@@ -36,9 +36,10 @@ def applies(chain: Chain) -> bool:
     if chain.channels != (1, 1) or chain.bounds or np.any(~chain.free & ~chain.initial):
         return False
     kinds = "".join(
-        "L" if isinstance(b, TransferFunction) else "N" if is_map(b) else "1" if b.n_parameters == 0 else "?"
+        "L" if isinstance(b, TransferFunction) else "N" if is_map(b) else "?"
         for b in chain.blocks
-    ).replace("1", "")
+        if b.n_parameters and not isinstance(b, Offset)
+    )
     return kinds in ("L", "NL", "LN", "NLN", "LNL")
 
 
@@ -152,4 +153,7 @@ def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
             knots = curves.places(w, 8)
             blocks[i] = line(knots, blocks[i].role)
             parts.append(curves.fit_curve(w, screen.y, knots)[0])
+        elif isinstance(blocks[i], Offset):
+            held = screen.behind or screen.before  # by the curve
+            parts.append(np.zeros(1) if held else np.array([np.mean(screen.y - w)]))
     return Surrogate(Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts), member=c.member)

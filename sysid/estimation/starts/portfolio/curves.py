@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import PiecewiseLinear
+from sysid.blocks import Offset, PiecewiseLinear, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
@@ -19,7 +19,7 @@ from sysid.solver.searches import LevenbergMarquardt
 
 _SAMPLE = 1000  # samples of a signal that give its quantiles
 _FEW = 1e-6  # weight of the bends of a curve, relative to the data: it only decides where there are no data
-_TRIES = 3  # starts of a map with a shape of its own
+_DRAWN, _TRIES = 40, 2  # variations of a map with a shape of its own, and how many of them start a search
 
 
 def places(x: np.ndarray, count: int) -> np.ndarray:
@@ -116,24 +116,33 @@ def as_block(block: StaticBlock, knots: np.ndarray, values: np.ndarray, sample_m
     y = np.interp(x, knots, values)
     weight = np.sqrt(np.interp(x, knots, sample_mass) + 0.02 * sample_mass.max())
     rising = float(np.sum(weight * (x - x.mean()) * (y - y.mean()))) >= 0.0
-    best, best_cost = NearestMap(block.start(x)), np.inf
-    rng = np.random.default_rng(0)
-    for turn in range(_TRIES):
-        for sign in (1.0, -1.0) if turn == 0 else (1.0 if rising else -1.0,):
-            candidate, cost = _nearest(block, x, y, weight, sign, rng if turn else None)
+    start, rng = block.start(x), np.random.default_rng(0)
+    variations = [block.vary(start, rng) for _ in range(_DRAWN)]
+    variations.sort(key=lambda theta: _cost_at(block, theta, x, y, weight))
+    best, best_cost = NearestMap(start), np.inf
+    for theta in (start, *variations[:_TRIES]):
+        for sign in (1.0, -1.0) if theta is start else (1.0 if rising else -1.0,):
+            candidate, cost = _nearest(block, x, y, weight, sign, theta)
             if cost < best_cost:
                 best, best_cost = candidate, cost
     return best
 
 
+def _cost_at(block: StaticBlock, theta: np.ndarray, x: np.ndarray, y: np.ndarray, weight: np.ndarray) -> float:
+    """The weighted squared error of the map at theta with the best gain and offset behind it."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        A = weight[:, None] * np.column_stack([block.output(theta, x), np.ones_like(x)])
+    if not np.all(np.isfinite(A)):
+        return np.inf
+    e = weight * y - A @ np.linalg.lstsq(A, weight * y)[0]
+    return float(e @ e)
+
+
 def _nearest(
-    block: StaticBlock, x: np.ndarray, y: np.ndarray, weight: np.ndarray, sign: float, rng: np.random.Generator | None
+    block: StaticBlock, x: np.ndarray, y: np.ndarray, weight: np.ndarray, sign: float, theta: np.ndarray
 ) -> tuple[NearestMap, float]:
-    """One search over the map's parameters, the gains before and behind it, and an offset that others must take."""
+    """A search from theta over the map's parameters, the gains before and behind it, and an offset for others."""
     gain = float(np.ptp(y) / (np.ptp(x) or 1.0)) or 1.0
-    theta = block.start(x)
-    if rng is not None:
-        theta = block.vary(theta, rng)
     slots, n = block.slots(), len(theta)
     low = np.array([s.lower for s in slots] + [-np.inf] * 3)
     high = np.array([s.upper for s in slots] + [np.inf] * 3)
@@ -236,31 +245,45 @@ class Surrogate:
                 assert isinstance(block, PiecewiseLinear)
                 assert isinstance(real, StaticBlock)
                 knots, values = np.array(block.at), parts[k]
-                if k and k + 1 == len(parts):
+                last = k > 0 and not any(isinstance(b, TransferFunction) for b in chain.blocks[k:])
+                if last:
                     knots = places(x, len(knots))
                     values = fit_curve(x, record.y[:, 0], knots)[0]
                     signal = x
                 else:
                     signal = inner[k]
                 nearest = as_block(real, knots, values, sample_mass(signal, knots))
+                if last:
+                    nearest = _gain_before(real, nearest)
                 parts[k] = nearest.theta
                 if k > 0:
                     parts[k - 1] = _scale_output(chain.blocks[k - 1], parts[k - 1], nearest.before)
                     x = x * nearest.before
-                if k + 1 < len(parts):
+                if k + 1 < len(parts) and isinstance(chain.blocks[k + 1], TransferFunction):
                     parts[k + 1] = _scale_input(chain.blocks[k + 1], parts[k + 1], nearest.behind)
+            elif isinstance(block, Offset):
+                parts[k] = np.array([np.mean(record.y[:, 0] - x)])
             x = real.output(parts[k], x)
         return np.concatenate(parts)
 
 
 def is_map(block: object) -> bool:
-    """Whether a block is a map with parameters."""
-    return isinstance(block, StaticBlock) and block.n_parameters > 0
+    """Whether a block is a map with parameters, and not the offset of an output."""
+    return isinstance(block, StaticBlock) and block.n_parameters > 0 and not isinstance(block, Offset)
 
 
 def line(knots: np.ndarray, role: str) -> PiecewiseLinear:
     """A piecewise linear map whose places are fixed."""
     return PiecewiseLinear(len(knots), free_knots=False, at=tuple(knots.tolist()), role=role)
+
+
+def _gain_before(block: StaticBlock, nearest: NearestMap) -> NearestMap:
+    """The same where no filter behind the map takes its gain: a saturation of a larger signal has wider limits."""
+    gain = np.array([nearest.behind])
+    law = block.law(gain, gain)
+    if law is None or nearest.behind == 1.0:
+        return nearest
+    return NearestMap(law.M @ nearest.theta, nearest.before * nearest.behind)
 
 
 def _scale_output(block, part: np.ndarray, gain: float) -> np.ndarray:

@@ -1,0 +1,51 @@
+"""Offset: y = x + y0, the zero of an output."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from sysid.block.block import Block, Law, Slot
+from sysid.block.compiler.recursion import Map
+from sysid.block.symmetry import Symmetry
+from sysid.block.writing import Writer
+
+
+def value(x, p):
+    return x + p.y0
+
+
+@dataclass(frozen=True)
+class Offset(Map):
+    """y = x + y0; behind maps that cannot hold the offset of an output themselves, or behind a filter alone.
+
+    With it no mean has to be taken off a record before a fit: a mean is no operating point of a record that begins at
+    rest, and a saturation or an integrator counts from a zero of its own.
+    """
+
+    functions: ClassVar = {"value": value}
+    centred: ClassVar = True
+
+    def slots(self) -> tuple[Slot, ...]:
+        return (Slot("y0"),)
+
+    def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
+        return [f"{w.y} = {w.sum([(1.0, w.x), (float(theta[0]), '')])}"]
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.zeros(1)
+
+    def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
+        return Law(self, np.diag(b)) if a[0] == b[0] else None
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        return [
+            Symmetry(theta.copy(), in_scale=1.0, out_scale=1.0),
+            Symmetry(-np.ones(1), in_shift=1.0),
+            Symmetry(np.ones(1), out_shift=1.0),
+        ]
+
+
+def is_offset(block: Block) -> bool:
+    """Whether a block is the offset of one output or of each; figures draw it with the map before it."""
+    return all(isinstance(part, Offset) for _, part in block.parts())

@@ -1,0 +1,106 @@
+"""The zero of an output is a parameter: drawn plants, identified from a file with the defaults."""
+
+import numpy as np
+import pytest
+from often import often
+from scipy.signal import cont2discrete, lfilter
+
+import sysid
+from sysid.estimation.starts.portfolio.candidates import starting_points
+from sysid.structures import Hammerstein, OutputError, Wiener, hammerstein, hammerstein_wiener, output_error, wiener
+from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting
+
+TS = 0.05
+MAPS = {
+    "saturation": lambda x, low, high: np.clip(x, low, high),
+    "dead_zone": lambda x, low, high: np.where(x < low, x - low, np.where(x > high, x - high, 0.0)),
+}
+
+
+def plant(kind, rng):
+    """u, y (N,) without noise and the settings of its structure: far from zero in input and output, or from rest."""
+    N = int(rng.choice([400, 800, 2000]))
+    u = np.repeat(rng.uniform(-1.0, 1.0, N // 4), int(rng.integers(4, 20)))[:N] * rng.uniform(1.0, 10.0)
+    u += rng.uniform(-1.0, 1.0) * np.ptp(u) * (kind != "motor")
+    pole, gain, name = rng.uniform(0.6, 0.95), rng.uniform(0.5, 3.0), str(rng.choice(sorted(MAPS)))
+    orders = {"nb": 1, "nf": 1, "nk": 1}
+
+    def filtered(w):
+        return lfilter([0.0, gain * (1.0 - pole)], [1.0, -pole], w)
+
+    def bent(x):
+        return MAPS[name](x, *np.quantile(x, [0.2, 0.8]))
+
+    if kind == "motor":  # volts to angle
+        b, a, _ = cont2discrete(([rng.uniform(2.0, 12.0)], [rng.uniform(0.03, 0.3), 1.0, 0.0]), TS)
+        return u, lfilter(b[0], a, u), OutputError(2, 2, 1)
+    if kind == "far from rest":
+        y = filtered(u)
+        return u, y + rng.uniform(-3.0, 3.0) * np.ptp(y) * pole ** np.arange(N), OutputError(**orders)
+    if kind == "hammerstein":
+        return u, filtered(bent(u)), Hammerstein(**orders, input_map=name)
+    return u, bent(filtered(u)), Wiener(**orders, output_map=name)
+
+
+@pytest.mark.parametrize("kind", ["motor", "far from rest", "hammerstein", "wiener"])
+@pytest.mark.parametrize("seed", often(60, 3))
+def test_a_plant_comes_back_from_a_file_with_the_defaults(kind, seed, tmp_path):
+    rng = np.random.default_rng([seed, 33])
+    u, y, recipe = plant(kind, rng)
+    noise = 0.01 * y.std() * rng.normal(size=len(y))
+    y = y + noise + rng.uniform(-20.0, 20.0) * y.std()
+    rows = np.column_stack([TS * np.arange(len(u)), u, y])
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header="t,u,y", comments="", fmt="%.12g")
+    e = identify_file(tmp_path / "log.csv", Setting(recipe), "u", "y").evaluation
+    assert e.fit.criteria.mse < 1.1 * np.mean(noise[: e.estimation.N] ** 2)
+    assert not e.estimation.y_offset.any()
+
+
+@pytest.mark.parametrize(
+    ("structure", "options", "held"),
+    [
+        (output_error, {}, False),
+        (output_error, {"nu": 2, "ny": 2}, False),
+        (hammerstein, {}, True),
+        (hammerstein, {"ny": 2}, False),  # one map before two outputs
+        (hammerstein, {"input": "saturation"}, False),
+        (wiener, {}, True),
+        (wiener, {"output": "dead_zone"}, False),
+        (wiener, {"output": ["polynomial", "saturation"], "ny": 2}, False),
+        (hammerstein_wiener, {"output": "saturation"}, True),  # limits that move pass the offset of the first map
+        (hammerstein_wiener, {"output": "dead_zone"}, False),
+        (hammerstein_wiener, {"input": "saturation", "output": "saturation"}, False),
+    ],
+)
+def test_an_offset_is_added_where_no_map_holds_it(structure, options, held):
+    """A constant is a combination of the sensitivities, here finite differences, exactly where a map holds it."""
+    plain, free = (structure(1, 1, 1, offset=offset, **options) for offset in ("none", "free"))
+    assert (plain.names == free.names) == held
+    rng = np.random.default_rng(0)
+    nu, ny = plain.channels
+    u = np.repeat(rng.uniform(-3.0, 3.0, (120, nu)), 5, axis=0)
+    x = lfilter([0.0, 1.0], [1.0, -0.7], u @ rng.uniform(0.5, 1.0, (nu, ny)), axis=0)
+    y = x - np.clip(x, *np.quantile(x, [0.3, 0.7]))  # a dead zone, so that the signal is on both sides of one
+    fit = sysid.fit(plain, sysid.IOData(u, y, TS), starts=1, options=sysid.Options(max_iterations=10))
+    run, step = plain.outputs(fit.theta, u), 1e-6
+    J = np.column_stack([(plain.outputs(fit.theta + step * e, u) - run).ravel() / step for e in np.eye(len(fit.theta))])
+    constants = np.tile(np.eye(ny), (len(u), 1))
+    residual = constants - J @ np.linalg.lstsq(J, constants, rcond=1e-9)[0]
+    assert (np.abs(residual).max() < 1e-3) == held
+
+
+@pytest.mark.parametrize("seed", often(60, 6))
+def test_a_dead_zone_behind_a_filter_is_found_and_starts_with_the_gain_of_its_curve(seed):
+    """Of 60 such records five ended at up to 2,000 times the variance of the noise."""
+    rng = np.random.default_rng([seed, 5])
+    gain, pole = rng.uniform(0.5, 3.0), rng.uniform(0.6, 0.95)
+    u = np.repeat(rng.uniform(-10.0, 4.0, 20), 20)
+    x = lfilter([0.0, gain], [1.0, -pole], u)
+    noise = 0.01 * x.std() * rng.normal(size=400)
+    y = MAPS["dead_zone"](x, *np.quantile(x, [0.2, 0.8])) - 30.0 + noise
+    model, data = wiener(1, 1, 1, "dead_zone", offset="free"), sysid.IOData(u, y, TS)
+    points = [p.theta for p in starting_points(model, data, 0, 0, 9, 0.0) if p.member != "identity"]
+    losses = [np.mean((y - model.outputs(theta, u)[:, 0]) ** 2) for theta in points]
+    assert min(losses) < 0.6 * y.var()  # mostly 0.9 without that gain
+    assert sysid.fit(model, data).criteria.mse < 1.1 * np.mean(noise**2)
