@@ -37,7 +37,7 @@ def loaded(arguments: list[str], folder) -> set[str]:
 )
 def test_identify_loads_no_mujoco(arguments, tmp_path):
     rng = np.random.default_rng(0)
-    u = np.repeat(rng.uniform(-1.0, 1.0, 30), 10)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 15), 10)
     y = np.zeros(len(u))
     for k in range(1, len(y)):
         y[k] = np.clip(y[k - 1] + 0.1 * u[k - 1], -1.0, 1.0)

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from pages import assert_stands_alone, without_seconds
@@ -16,9 +17,10 @@ from twin.view import stills
 
 @pytest.fixture(scope="module")
 def reproduced(tmp_path_factory):
-    """One short run of the protocol: exit code, folder, summary."""
-    folder = tmp_path_factory.mktemp("reproduce") / "out"
-    code = main(["reproduce", "--duration", "60", "--out", str(folder)])
+    """One short run of the protocol, that of .ci/run if it is the caller: exit code, folder, summary."""
+    made = os.environ.get("QPAL_REPRODUCED")  # .ci/run has ended where its run's exit code is not 0
+    folder = Path(made) if made else tmp_path_factory.mktemp("reproduce") / "out"
+    code = 0 if made else main(["reproduce", "--duration", "60", "--out", str(folder)])
     return code, folder, json.loads((folder / "summary.json").read_text(encoding="utf-8"))
 
 

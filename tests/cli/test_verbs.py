@@ -203,12 +203,11 @@ def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, di
     arguments = ["--joint", "thigh", "--duration", "60", "--seed", "3", "--log", str(log), "--out", str(tmp_path / "s")]
     assert main(["simulate", *arguments]) == 0
     capsys.readouterr()
-    named = ["--input", "voltage_V", "--output", "angle_rad", "--time", "time_s"]
-    for columns in ([], named):
-        assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
-        summary = json.loads(capsys.readouterr().out)
-        assert summary["read"]["Ts"] == 0.1
-        assert summary["fit_percent"]["validation"] == pytest.approx(directly.validation_fit, abs=1e-9)
+    columns = [] if suffix == ".csv" else ["--input", "voltage_V", "--output", "angle_rad", "--time", "time_s"]
+    assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["read"]["Ts"] == 0.1
+    assert summary["fit_percent"]["validation"] == pytest.approx(directly.validation_fit, abs=1e-9)
 
 
 def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):

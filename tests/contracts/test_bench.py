@@ -58,9 +58,9 @@ def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path
     rng, path = np.random.default_rng(seed), tmp_path / "b.parquet"
     kills, before = 0, 0
     for _ in range(60):
-        running = subprocess.Popen(bench(path, "--seeds", "30", "--workers", "1"), stderr=subprocess.PIPE)
+        running = subprocess.Popen(bench(path, "--seeds", "12", "--workers", "1"), stderr=subprocess.PIPE)
         try:
-            _, said = running.communicate(timeout=rng.uniform(2.0, 5.0))
+            _, said = running.communicate(timeout=rng.uniform(2.0, 4.0))
             assert running.returncode == 0, said
             break
         except subprocess.TimeoutExpired:
@@ -72,10 +72,10 @@ def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path
         assert done >= before
         before = done
     rows = read(path)
-    assert len(rows) == 60 == len(rows.unique(list(KEY)))
+    assert len(rows) == 24 == len(rows.unique(list(KEY)))
     assert not path.with_suffix(".journal").exists()
     whole = tmp_path / "whole.parquet"
-    subprocess.run(bench(whole, "--seeds", "30", "--workers", "1"), check=True, capture_output=True)
+    subprocess.run(bench(whole, "--seeds", "12", "--workers", "1"), check=True, capture_output=True)
     assert rows.select(SURE).equals(read(whole).select(SURE))
 
 

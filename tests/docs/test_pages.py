@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path.name for path in DOCS.glob("*.md"))
 MOVED = "search.md"  # not on the site
-WRITTEN = [DOCS / page for page in PAGES] + [ROOT / "CONTRIBUTING.md"]
+WRITTEN = [DOCS / page for page in PAGES] + [ROOT / "CONTRIBUTING.md", ROOT / "README.md"]
 
 # Commands that a test would wait for too long, by page and block; they are parsed like all others.
 NOT_RUN = {
@@ -137,7 +137,12 @@ def run(arguments: list[str], page: str) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "page", [p for p in PAGES if any((p, k) not in NOT_RUN for k, _ in enumerate(blocks(p, "sh")))]
+    "page",
+    [
+        pytest.param(p, marks=[pytest.mark.nightly] * (p == "tutorial.md"))
+        for p in PAGES
+        if any((p, k) not in NOT_RUN for k, _ in enumerate(blocks(p, "sh")))
+    ],
 )
 def test_commands_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

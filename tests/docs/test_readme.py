@@ -45,8 +45,14 @@ def shortened(arguments: list[str]) -> list[str]:
     return [*found, "--seconds", seconds] if seconds else found
 
 
+def of_minutes(block: str) -> bool:
+    return "qpal identify" in block or "qpal compare" in block
+
+
 @pytest.mark.long
-@pytest.mark.parametrize("block", blocks("sh"))
+@pytest.mark.parametrize(
+    "block", [pytest.param(each, marks=[pytest.mark.nightly] * of_minutes(each)) for each in blocks("sh")]
+)
 def test_shell_runs(block, tmp_path, monkeypatch):
     """A block needs no file of another one; what tests/cli/test_every_verb.py runs word for word is not run again."""
     monkeypatch.chdir(tmp_path)

@@ -198,21 +198,22 @@ def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
 
 
 def test_numbers_do_not_depend_on_the_number_of_processes():
-    data = hammerstein_record(600)
-    one, two = select(data, SMALL, jobs=1), select(data, SMALL, jobs=2)
+    data, space = hammerstein_record(600), replace(SMALL, nb=(2,), structures=BLOCKS)
+    one, two = select(data, space, jobs=1), select(data, space, jobs=2)
     assert one.as_dict() == two.as_dict()
 
 
 def test_a_journal_of_something_else_is_refused(tmp_path):
     journal = tmp_path / "search.jsonl"
-    select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
+    space = replace(SMALL, nb=(2,), nf=(2,), nk=(1,), structures=("output_error",))
+    select(hammerstein_record(600), space, jobs=1, journal=journal)
     with pytest.raises(InputError, match="another record"):
-        select(hammerstein_record(600, seed=1), SMALL, jobs=1, journal=journal)
+        select(hammerstein_record(600, seed=1), space, jobs=1, journal=journal)
     journal.write_text("angle,voltage\n1,2\n")
     with pytest.raises(InputError, match="not a journal"):
-        select(hammerstein_record(600), SMALL, jobs=1, journal=journal)
+        select(hammerstein_record(600), space, jobs=1, journal=journal)
     with pytest.raises(InputError, match="another path"):
-        select(hammerstein_record(600), SMALL, jobs=1, journal=tmp_path / "none" / "search.jsonl")
+        select(hammerstein_record(600), space, jobs=1, journal=tmp_path / "none" / "search.jsonl")
 
 
 def test_where_nothing_can_be_fitted_it_says_why_and_what_helps():
