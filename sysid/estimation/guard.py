@@ -11,7 +11,13 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
-from sysid.estimation.starts._start import longest, output_error_start, start_maps
+from sysid.estimation.starts._start import (
+    filter_blocks,
+    longest,
+    output_error_start,
+    signals_of,
+    start_maps,
+)
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.iterate import iterate, time_limit
@@ -72,7 +78,7 @@ def continue_from_linear_model(context: SearchContext, result: SearchResult) -> 
     chain, objective = context.model, context.objective
     plain = objective.huber_threshold is None and not objective.ridge and not objective.weights
     several = len(context.data.lengths) > 1
-    if not several or not plain or not applies(chain) or len(chain.dynamics) != 1 or context.out_of_time:
+    if not several or not plain or not applies(chain) or len(filter_blocks(chain)) != 1 or context.out_of_time:
         return result
     theta = result.problem.thetas(result.outcome.p)[0]
     linear, rows = _best_linear_model(context, theta)
@@ -94,16 +100,15 @@ def _best_linear_model(context: SearchContext, theta: np.ndarray) -> tuple[Chain
 
     `theta` (P,) of the chain gives one of two starts.
     """
-    linear, record = context.model.linear, longest(context.data)
+    (linear,), (u, y) = filter_blocks(context.model), signals_of(longest(context.data))
     offset = tuple(block for block in context.model.blocks if isinstance(block, Offset))
     chain = Chain((linear, *offset))
     linear_context = replace(context, model=chain)
-    u, y = record.u[:, 0], record.y[:, 0]
-    u0, y0 = (u.mean(), y.mean()) if offset else (0.0, 0.0)
+    u0, y0 = (u.mean(axis=0), y.mean()) if offset else (0.0, 0.0)
     first = output_error_start(linear, u - u0, y - y0)
     second = np.concatenate([context.model.part(theta, block) for block in chain.blocks])
     ends = []
-    for start in (np.append(first, [np.mean(y - linear.output(first, u))] * len(offset)), second):
+    for start in (np.append(first, [np.mean(y - Chain((linear,)).through(first, u))] * len(offset)), second):
         problem = linear_context.problem(with_initial_states(chain, start, context.data))
         outcome = iterate(problem, problem.start, LevenbergMarquardt(), context.options)
         ends.append((outcome.cost, problem.thetas(outcome.p)))
@@ -118,12 +123,12 @@ def squared_errors(chain: Chain, thetas: np.ndarray, data: IOData) -> float:
 
 def _around_linear(chain: Chain, rows: np.ndarray, data: IOData, straight: bool) -> np.ndarray:
     """thetas (K, P) of the chain with this linear model (K, p) between maps near a straight line."""
-    linear, theta = chain.linear, np.zeros(len(chain.names))
+    (linear,), theta = filter_blocks(chain), np.zeros(len(chain.names))
     k = chain.blocks.index(linear)
-    start_maps(chain, theta, chain.blocks[:k], data.u[:, 0], data.u[:, 0], straight)
+    start_maps(chain, theta, chain.blocks[:k], data.u, data.u, straight)
     thetas = np.tile(theta, (len(rows), 1))
     thetas[:, chain.index(linear)] = rows[:, : linear.n_parameters]
-    x = np.concatenate([chain.through(t, e.u[:, 0], 0, k + 1) for t, e in zip(thetas, data.experiments, strict=True)])
+    x = np.concatenate([chain.through(t, e.u, 0, k + 1) for t, e in zip(thetas, data.experiments, strict=True)])
     start_maps(chain, theta, chain.blocks[k + 1 :], x, x + rows[0, linear.n_parameters :].sum(), straight)
     for block in chain.blocks[k + 1 :]:
         thetas[:, chain.index(block)] = theta[chain.index(block)]

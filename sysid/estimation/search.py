@@ -236,7 +236,7 @@ def _search_round(context: SearchContext, points: list[StartingPoint], previous:
 
 def _refine(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
     """The search to its end, with break points moved as long as that lowers the loss."""
-    if not movable_maps(context.model) or context.model.channels != (1, 1):
+    if not movable_maps(context.model):
         return problem, outcome.then(context.iterate(problem, outcome.p, context.options))
     limit = replace(context.options, max_iterations=min(_AFTER_MOVE, context.options.max_iterations))
     problem, outcome = _update_curvature_weight(context, problem, outcome, limit)

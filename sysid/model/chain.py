@@ -285,10 +285,12 @@ class Chain:
 
     @checks_theta
     def through(self, theta: np.ndarray, x: np.ndarray, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """x (N,) through blocks[start:stop], each of one channel."""
+        """x (N,) or (N, channels) through blocks[start:stop], (N,) where it comes out of one channel."""
         with np.errstate(over="ignore", invalid="ignore"):
             for b in self.blocks[start:stop]:
-                x = b.output(self.part(theta, b), x)
+                xs = columns(x, b.channels[0])
+                xs = b.propagate_all(self.part(theta, b), xs, [np.empty((len(x), 0))] * len(xs), 0)[0]
+                x = xs[0] if len(xs) == 1 else np.column_stack(xs)
         return x
 
     @checks_theta

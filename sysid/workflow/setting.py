@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
-from sysid.block.block import Block, StaticBlock
+from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.channels.conversion import convert
 from sysid.data.record import IOData
@@ -185,22 +185,11 @@ def _straight_maps(chain: Chain, start: Fit, data: IOData) -> np.ndarray:
         if is_filter:
             theta[chain.index(block)] = start.model.part(start.theta, start.model.blocks[0])
         else:
-            theta[chain.index(block)] = _lines(block, x, target)
+            start_maps(chain, theta, (block,), x, target)
         x = Chain(chain.blocks[: k + 1]).outputs(theta[: chain.index(block).stop], data.u)
         behind = behind or is_filter
         target = start.model.outputs(start.theta, data.u) if behind else x
     return theta
-
-
-def _lines(block: Block, x: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """The parameters of maps that leave x (N, n) as it is but for the level, as far as they can."""
-    pieces = []
-    for (_, part), column, goal in zip(block.parts(), x.T, target.T, strict=True):
-        assert isinstance(part, StaticBlock)
-        piece = np.zeros(part.n_parameters)
-        start_maps(Chain((part,)), piece, (part,), np.ascontiguousarray(column), goal)
-        pieces.append(piece)
-    return np.concatenate(pieces)
 
 
 def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:

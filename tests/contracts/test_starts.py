@@ -28,7 +28,6 @@ MADE_FOR = {
     "state_space": state_space(),
     "two_filters": wiener_hammerstein(2, 2, 1),
     "single_linear": hammerstein_wiener(2, 2, 1),
-    "matrix": hammerstein_wiener(1, 1, 1, "saturation", "unit_gain", nu=2, ny=2),
 }
 
 
@@ -42,9 +41,9 @@ def test_the_first_start_of_the_table_that_applies_is_the_one_that_is_made_for_a
     assert next(n for n, start in TABLE.items() if start.applies(MADE_FOR[name])) == name
 
 
-@pytest.mark.parametrize("name", ["profile", "two_filters", "matrix"])
+@pytest.mark.parametrize("name", ["profile", "two_filters"])
 def test_start_k_is_the_same_however_many_are_asked_for(name):
-    chain, data = MADE_FOR[name], record(nu=MADE_FOR[name].channels[0])
+    chain, data = MADE_FOR[name], record()
     few, many = starts(chain, data, 3, 4), starts(chain, data, 5, 4)
     assert len(many) == 5
     np.testing.assert_array_equal(few, many[:3])

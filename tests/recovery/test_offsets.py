@@ -120,13 +120,21 @@ def test_each_input_has_an_offset_of_its_own():
     rng = np.random.default_rng(4)
     u = rng.normal(0.0, 1.0, (200, 2))
     y = np.convolve(u[:, 0] + 0.2 * u[:, 0] ** 2 - 0.4 * np.tanh(u[:, 1]), [0, 0.5, 0.3])[:200, None]
-    y = y + 0.01 * rng.normal(size=y.shape)
+    records = [sysid.IOData(inputs, y + 0.01 * rng.normal(size=y.shape)) for inputs in (u, u + C)]
     for own in SMOOTH.values():
         chain = S.hammerstein(1, 1, 1, input=own, nu=2)
-        plain = sysid.fit(chain, sysid.IOData(u, y), starts=1, options=ONE)
-        moved = sysid.fit(chain, sysid.IOData(u + C, y), starts=1, options=ONE)
-        assert losses(moved) == pytest.approx(losses(plain), rel=1e-5)
-        assert np.mean((chain.outputs(moved.theta, u + C) - y) ** 2) == pytest.approx(plain.criteria.mse, rel=1e-5)
+        plain, moved = (Normal.choose(chain, data, sysid.Objective()) for data in records)
+        np.testing.assert_allclose(moved.data.u, plain.data.u, rtol=0.0, atol=1e-12)
+        theta = np.concatenate([block.start(plain.data.u[:, 0]) for _, block in chain.blocks[0].parts()])
+        theta = np.append(theta, chain.blocks[1].start(u[:, 0])) + 0.1 * rng.normal(size=len(chain.names))
+        here, there = (chain.outputs(n.M @ theta + n.m, d.u) for n, d in zip((plain, moved), records, strict=True))
+        np.testing.assert_allclose(there, here, rtol=0.0, atol=1e-9 * np.abs(here).max())
+    chain = S.hammerstein(1, 1, 1, input=Polynomial(4), nu=2)
+    plain, moved = (sysid.fit(chain, replace(records[0], u=x), starts=1, options=ONE) for x in (u, u + C))
+    assert losses(moved) == pytest.approx(losses(plain), rel=1e-5)
+    assert np.mean((chain.outputs(moved.theta, u + C) - records[0].y) ** 2) == pytest.approx(
+        plain.criteria.mse, rel=1e-5
+    )
 
 
 def test_an_offset_of_which_powers_would_be_lost_in_rounding_is_kept():

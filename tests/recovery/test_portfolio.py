@@ -15,7 +15,8 @@ from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import as_block
 from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
-from sysid.estimation.starts.portfolio.screen import MEMBERS, Screen
+from sysid.estimation.starts.portfolio.members import MEMBERS
+from sysid.estimation.starts.portfolio.screen import Screen
 from sysid.estimation.starts.portfolio.two_filters import choose_roots
 
 
@@ -95,10 +96,9 @@ def test_a_filter_is_found_behind_or_before_a_map_that_folds(before, fold):
     bend = np.abs if fold else np.tanh
     y = plant.simulate(theta, bend(u)) if before else bend(2.0 * plant.simulate(theta, u))
     y = y + 0.01 * y.std() * rng.standard_normal(3000)
-    screen = Screen(u, y, 1, 1, before=before, behind=not before)
+    screen = Screen(u, y, plant.linear, before=before, behind=not before)
     true = min(c.loss for c in screen.candidates("truth", theta[1:3]))
-    linear = plant.linear
-    tried = [f for name, member in MEMBERS.items() if name != "drawn" for f in member(screen, linear, rng)]
+    tried = [f for name, member in MEMBERS.items() if name != "drawn" for f in member(screen, rng)]
     best = min(c.loss for f in tried for c in screen.candidates("", f))
     assert true < 0.05
     assert best < true + 0.05

@@ -7,7 +7,6 @@ from sysid.data.record import IOData
 from sysid.estimation.starts._start import Start, clip_to_bounds
 from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.joint import Joint
-from sysid.estimation.starts.matrix import Matrix
 from sysid.estimation.starts.own_blocks import OwnBlocks
 from sysid.estimation.starts.profile import Profile
 from sysid.estimation.starts.servo import Servo
@@ -27,7 +26,6 @@ TABLE: dict[str, Start] = {
     "state_space": StateSpaces(),
     "single_linear": SingleLinear(),
     "two_filters": TwoFilters(),
-    "matrix": Matrix(),
 }
 
 

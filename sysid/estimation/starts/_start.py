@@ -1,6 +1,7 @@
 """What starts have in common: the interface of one, maps near the identity, and linear models of a record."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from sysid.block.block import Block, StaticBlock
 from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem, search_best
-from sysid.model.chain import Chain
+from sysid.model.chain import Chain, columns
 from sysid.solver.iterate import Options
 
 
@@ -38,6 +39,22 @@ def longest(data: IOData) -> IOData:
     return max(data.experiments, key=lambda e: e.N)
 
 
+def signals_of(data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    """Input and output of a record as `Chain.signals` has them: (N,) where there is one channel, else (N, channels)."""
+    u, y = (x[:, 0] if x.shape[1] == 1 else x for x in (data.u, data.y))
+    return u, y
+
+
+def filters_of(block: Block) -> tuple[TransferFunction, ...]:
+    """The transfer functions that a block consists of; none of another block."""
+    return tuple(part for _, part in block.parts() if isinstance(part, TransferFunction))
+
+
+def filter_blocks(chain: Chain) -> list[Block]:
+    """The chain's blocks of transfer functions."""
+    return [block for block in chain.blocks if filters_of(block)]
+
+
 def generators(count: int, seed: int) -> list[np.random.Generator]:
     """One generator for each start after the first, so that start k does not depend on the number of starts."""
     return [np.random.default_rng([seed, k]) for k in range(1, count)]
@@ -52,16 +69,21 @@ def clip_to_bounds(chain: Chain, theta: np.ndarray) -> np.ndarray:
 def start_maps(
     chain: Chain, theta: np.ndarray, blocks: tuple, x: np.ndarray, target: np.ndarray, straight: bool = False
 ) -> np.ndarray:
-    """Start static maps from x to target, write them into theta and return their output.
+    """Start static maps from x to target, (N,) or (N, n), write them into theta and return their output.
 
     `straight`: on a straight line, see `StaticBlock.straight`.
     """
     for b in blocks:
-        if not isinstance(b, StaticBlock):
+        maps = [m for _, m in b.parts() if isinstance(m, StaticBlock)]
+        if len(maps) < len(b.parts()):
             raise InputError(f"block {b.role!r} has no automatic start in this place; give fit() a start")
-        part = _shift_output(b, b.straight(x) if straight else b.start(x), x, target)
-        theta[chain.index(b)] = part
-        x = b.output(part, x)
+        theta[chain.index(b)] = np.concatenate(
+            [
+                _shift_output(m, m.straight(xi) if straight else m.start(xi), xi, goal)
+                for m, xi, goal in zip(maps, columns(x, len(maps)), columns(target, len(maps)), strict=True)
+            ]
+        )
+        x = Chain((b,)).through(theta[chain.index(b)], x)
     return x
 
 
@@ -74,21 +96,26 @@ def _shift_output(block: StaticBlock, theta: np.ndarray, x: np.ndarray, target: 
     return theta
 
 
-def output_error_start(linear: TransferFunction, w: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Parameters of a linear block (p,) for w, y (N,): the best of several linear starts after output error each."""
+def output_error_start(linear: Block, w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Parameters of a linear block (p,) for w, y: the best of several linear starts after output error each."""
     return best_output_error(linear, denominators(linear, w, y), w, y)
 
 
-def best_output_error(linear: TransferFunction, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Parameters (p,) of the best output-error search, each from poles f (nf,) of `raw`."""
+def best_output_error(linear: Block, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Parameters (p,) of the best output-error search, each from poles f of `raw`."""
+    problems = (ChainProblem.least_squares(Chain((linear,)), solve_linear(linear, f, w, y), w, y) for f in raw)
+    return search_best(problems, Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters))[0]
 
-    def problem(f: np.ndarray) -> ChainProblem:
-        theta = np.zeros(linear.n_parameters)
-        theta[linear.nb : linear.nb + linear.nf] = f
-        solve_linear(linear, theta, w, y)
-        return ChainProblem.least_squares(Chain((linear,)), theta, w, y)
 
-    return search_best(map(problem, raw), Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters))[0]
+def coefficients(linear: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions in theta of all b, of all f and of the initial states of a linear block, one entry after the other."""
+    b, f, x0 = list[np.ndarray](), list[np.ndarray](), list[np.ndarray]()
+    for place, entry in linear.parts():
+        assert isinstance(entry, TransferFunction)
+        ends = np.arange(place.start, place.stop), (entry.nb, entry.nb + entry.nf)
+        for group, positions in zip((b, f, x0), np.split(*ends), strict=True):
+            group.append(positions)
+    return np.concatenate(b), np.concatenate(f), np.concatenate(x0)
 
 
 def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iterations: int = 20) -> np.ndarray:
@@ -125,8 +152,37 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
 
 
 def denominators(
-    linear: TransferFunction, w: np.ndarray, y: np.ndarray, rates: tuple[int, ...] = (4, 16, 64, 256)
+    linear: Block, w: np.ndarray, y: np.ndarray, rates: tuple[int, ...] = (4, 16, 64, 256)
 ) -> list[np.ndarray]:
+    """Candidates for f of a linear block, that of one entry after the other; w (N,) or (N, nu), y (N,) or (N, ny)."""
+    return joined([_denominators(entry, wi, goal, rates) for entry, wi, goal in alone(linear, w, y)])
+
+
+def joined(candidates: list[list[np.ndarray]]) -> list[np.ndarray]:
+    """The k-th candidates of all entries in one, for each k; the last one of an entry that has fewer."""
+    count = max(map(len, candidates)) if all(candidates) else 0
+    return [np.concatenate([each[min(k, len(each) - 1)] for each in candidates]) for k in range(count)]
+
+
+def alone(linear: Block, w: np.ndarray, y: np.ndarray) -> Iterator[tuple[TransferFunction, np.ndarray, np.ndarray]]:
+    """Every entry of a linear block with its input (N,), and with its output (N,) less what other inputs contribute."""
+    (nu, ny), entries = linear.channels, iter(filters_of(linear))
+    ws = columns(w, nu)
+    for goal in columns(y, ny):
+        shares = _shares(ws, goal) if nu > 1 else [goal]
+        for i, wi in enumerate(ws):
+            yield next(entries), wi, goal - sum(shares[:i] + shares[i + 1 :], np.zeros(1))
+
+
+def _shares(ws: list[np.ndarray], y: np.ndarray) -> list[np.ndarray]:
+    """Contribution of each input (N,) to y (N,), by one least-squares fit of finite responses."""
+    length = max(2, min(80, len(y) // (4 * len(ws))))
+    X = np.column_stack([delay(w, k) for w in ws for k in range(length)])
+    response = np.linalg.lstsq(X, y, rcond=1e-10)[0]
+    return [X[:, i : i + length] @ response[i : i + length] for i in range(0, X.shape[1], length)]
+
+
+def _denominators(linear: TransferFunction, w: np.ndarray, y: np.ndarray, rates: tuple[int, ...]) -> list[np.ndarray]:
     """Candidates for f (nf,) by refined IV, from the record and from records decimated by `rates`.
 
     If sampling is much faster than the dynamics, all poles are close to 1; poles of a decimated record are converted
@@ -146,19 +202,26 @@ def denominators(
     return candidates
 
 
-def same_poles(linear: TransferFunction, a: np.ndarray, b: np.ndarray) -> bool:
+def same_poles(linear: Block, a: np.ndarray, b: np.ndarray) -> bool:
     """True if the poles of two linear blocks differ by less than a tenth of their distance from the unit circle."""
-    p, q = np.sort_complex(linear.poles(a)), np.sort_complex(linear.poles(b))
-    return bool(np.all(np.abs(p - q) < 0.1 * np.maximum(1.0 - np.abs(p), 1e-6)))
+    for place, entry in linear.parts():
+        assert isinstance(entry, TransferFunction)
+        p, q = np.sort_complex(entry.poles(a[place])), np.sort_complex(entry.poles(b[place]))
+        if not np.all(np.abs(p - q) < 0.1 * np.maximum(1.0 - np.abs(p), 1e-6)):
+            return False
+    return True
 
 
-def solve_linear(linear: TransferFunction, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
-    """Set B and the initial state in theta (p,) by least squares for the given F."""
-    J = np.empty((len(w), linear.n_parameters))
-    linear.propagate(theta, w, J, 0)
-    enters = np.r_[0 : linear.nb, linear.nb + linear.nf : linear.n_parameters]  # these enter linearly
+def solve_linear(linear: Block, f: np.ndarray, w: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """theta (p,) with these poles f, and with B and the initial states of least squares."""
+    at_b, at_f, at_x0 = coefficients(linear)
+    theta = np.zeros(linear.n_parameters)
+    theta[at_f] = f
+    J = Chain((linear,)).sensitivities(theta, w)[1]
+    enters = np.concatenate([at_b, at_x0])  # these enter linearly
     if np.all(np.isfinite(J[:, enters])):
-        theta[enters] = np.linalg.lstsq(J[:, enters], y, rcond=1e-12)[0]
+        theta[enters] = np.linalg.lstsq(J[:, enters], y.T.ravel(), rcond=1e-12)[0]
+    return theta
 
 
 def delay(x: np.ndarray, k: int) -> np.ndarray:

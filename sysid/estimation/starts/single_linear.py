@@ -1,4 +1,4 @@
-"""Starts of one filter between maps: linear models, maps around them, and variations."""
+"""Starts of one linear block between maps: linear models, maps around them, and variations."""
 
 import numpy as np
 
@@ -8,10 +8,13 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._start import (
     Start,
     best_output_error,
+    coefficients,
     denominators,
+    filter_blocks,
     generators,
     longest,
     same_poles,
+    signals_of,
     solve_linear,
     start_maps,
 )
@@ -23,7 +26,7 @@ _COARSE = 12  # steps with coarse maps
 
 
 class SingleLinear(Start):
-    """One transfer function between maps: first linear models, then variations of their poles and maps.
+    """One transfer function, or matrix of them, between maps: linear models, then variations of their poles and maps.
 
     Maps of many knots start with few knots; the best of these is a better starting point.
     """
@@ -31,11 +34,10 @@ class SingleLinear(Start):
     blocks = (TransferFunction, TransferMatrix)
 
     def suits(self, chain: Chain) -> bool:
-        return chain.channels == (1, 1) and len(chain.dynamics) == 1
+        return len(filter_blocks(chain)) == 1
 
     def starts(self, chain: Chain, data: IOData, count: int, seed: int) -> list[np.ndarray]:
-        record, draws = longest(data), generators(count, seed)
-        u, y = record.u[:, 0], record.y[:, 0]
+        (u, y), draws = signals_of(longest(data)), generators(count, seed)
         coarse = chain.coarser()
         if coarse is None:
             return _start_points(chain, u, y, draws)
@@ -65,22 +67,20 @@ def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) ->
 
 
 def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
-    """theta (P,) of linear models of u (N,) to y (N,), the best first, with every map as near the identity as possible.
+    """theta (P,) of linear models of u to y, the best first, with every map as near the identity as possible.
 
     The best output-error model comes first. Its poles may describe a static nonlinearity instead of the dynamics. The
     refined-IV models that it started from follow: they estimate the best linear approximation.
     """
-    linear = chain.linear
+    (linear,) = filter_blocks(chain)
     theta = np.zeros(len(chain.names))
     maps_before = chain.blocks[: chain.blocks.index(linear)]
-    w = start_maps(chain, theta, maps_before, u, u - u.mean())
-    level, aim = w - w.mean(), y - y.mean()
+    w = start_maps(chain, theta, maps_before, u, u - u.mean(axis=0))
+    level, aim = w - w.mean(axis=0), y - y.mean(axis=0)
     raw = denominators(linear, level, aim)
     parts = [best_output_error(linear, raw, level, aim)]
     for f in raw:
-        part = np.zeros(linear.n_parameters)
-        part[linear.nb : linear.nb + linear.nf] = f
-        solve_linear(linear, part, level, aim)
+        part = solve_linear(linear, f, level, aim)
         if not any(same_poles(linear, part, earlier) for earlier in parts):
             parts.append(part)
     points = []
@@ -94,42 +94,38 @@ def linear_starts(chain: Chain, u: np.ndarray, y: np.ndarray) -> list[np.ndarray
 
 def _finish(chain: Chain, theta: np.ndarray, w: np.ndarray, y: np.ndarray) -> None:
     """Fit the linear block's initial state and an offset (both enter linearly), then start the maps after it."""
-    linear = chain.linear
+    (linear,) = filter_blocks(chain)
+    at_x0 = coefficients(linear)[2]
     part = chain.part(theta, linear).copy()
-    n = linear.n_state if linear.initial_state else 0
-    part[linear.nb + linear.nf :] = 0.0
-    J = np.empty((len(w), linear.n_parameters))
-    x = linear.propagate(part, w, J, 0)
-    impulses = J[:, linear.nb + linear.nf :]
+    part[at_x0] = 0.0
+    x, J = Chain((linear,)).sensitivities(part, w)
     maps_after = chain.blocks[chain.blocks.index(linear) + 1 :]
-    can_shift = any(b.n_parameters for b in maps_after)
-    columns = np.column_stack([impulses, np.ones(len(w))]) if can_shift else impulses
-    offset = 0.0
+    levels = np.kron(np.eye(x.shape[1]), np.ones((len(w), 1))) if any(b.n_parameters for b in maps_after) else J[:, :0]
+    columns, offset = np.column_stack([J[:, at_x0], levels]), np.zeros(x.shape[1])
     if columns.shape[1] and np.all(np.isfinite(columns)) and np.all(np.isfinite(x)):
-        solution = np.linalg.lstsq(columns, y - x, rcond=1e-10)[0]
-        part[linear.nb + linear.nf :] = solution[:n]
-        offset = float(solution[n]) if can_shift else 0.0
+        solution = np.linalg.lstsq(columns, y.T.ravel() - x.T.ravel(), rcond=1e-10)[0]
+        part[at_x0] = solution[: len(at_x0)]
+        offset[: levels.shape[1]] = solution[len(at_x0) :]
     theta[chain.index(linear)] = part
-    x = linear.output(part, w)
+    x = Chain((linear,)).through(part, w)
     start_maps(chain, theta, maps_after, x, x + offset)
 
 
 def _variation(chain: Chain, first: np.ndarray, u: np.ndarray, y: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Vary the maps before the linear block and its poles, fit B by least squares, and start the rest again."""
-    linear = chain.linear
+    (linear,) = filter_blocks(chain)
+    at_b, at_f, _ = coefficients(linear)
     k = chain.blocks.index(linear)
-    theta, w = first.copy(), u
+    theta = first.copy()
     for b in chain.blocks[:k]:
-        part = b.vary(chain.part(theta, b), rng)
-        theta[chain.index(b)] = part
-        w = b.output(part, w)
+        theta[chain.index(b)] = b.vary(chain.part(theta, b), rng)
+    w = chain.through(theta, u, 0, k)
     part = chain.part(theta, linear).copy()
-    if linear.nf:
+    if len(at_f):
         part = linear.vary(part, rng)
-    J = np.empty((len(w), linear.n_parameters))
-    linear.propagate(part, w, J, 0)
-    columns = np.column_stack([J[:, : linear.nb], np.ones(len(w))])
-    part[: linear.nb] = np.linalg.lstsq(columns, y, rcond=1e-10)[0][: linear.nb]
+    x, J = Chain((linear,)).sensitivities(part, w)
+    columns = np.column_stack([J[:, at_b], np.kron(np.eye(x.shape[1]), np.ones((len(w), 1)))])
+    part[at_b] = np.linalg.lstsq(columns, y.T.ravel(), rcond=1e-10)[0][: len(at_b)]
     theta[chain.index(linear)] = part
     _finish(chain, theta, w, y)
     for b in chain.blocks[k + 1 :]:

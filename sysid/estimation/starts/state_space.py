@@ -196,8 +196,7 @@ def _candidates(nx: int, data: IOData) -> list[tuple[np.ndarray, np.ndarray]]:
         u, y = e.u[:, 0] - e.u.mean(), e.y[:, 0] - e.y.mean()
         linear = TransferFunction(nx + 1, nx, 0, role="linear")
         for f in denominators(linear, u, y):
-            theta = np.concatenate([np.zeros(nx + 1), f, np.zeros(linear.n_state)])
-            solve_linear(linear, theta, u, y)
+            theta = solve_linear(linear, f, u, y)
             b = theta[: nx + 1]
             if np.all(np.isfinite(theta)):
                 A = np.eye(nx, k=-1)

@@ -74,8 +74,5 @@ def _start_of_division(
     if rng is not None:
         for b in (*maps_before, *maps_between):
             theta[chain.index(b)] = b.vary(theta[chain.index(b)], rng)
-    part = np.zeros(second.n_parameters)
-    part[second.nb : second.nb + second.nf] = monic(poles[second_numbers])
-    solve_linear(second, part, x, y)
-    theta[at_second] = part
+    theta[at_second] = solve_linear(second, monic(poles[second_numbers]), x, y)
     return theta

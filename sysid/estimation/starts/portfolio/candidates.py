@@ -4,12 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.blocks import Offset, TransferFunction
+from sysid.block.block import Block
+from sysid.blocks import Offset
 from sysid.data.record import IOData
 from sysid.estimation.starts import starts
+from sysid.estimation.starts._start import coefficients, filter_blocks, filters_of, signals_of
 from sysid.estimation.starts.portfolio import curves, two_filters
-from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line, movable_maps
-from sysid.estimation.starts.portfolio.screen import MEMBERS, Candidate, Screen
+from sysid.estimation.starts.portfolio.curves import is_map, maps_of, movable_maps
+from sysid.estimation.starts.portfolio.members import MEMBERS
+from sysid.estimation.starts.portfolio.screen import Candidate, Screen
+from sysid.estimation.starts.portfolio.surrogate import Surrogate, with_lines
 from sysid.model.chain import Chain
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
@@ -32,15 +36,20 @@ class StartingPoint:
 
 
 def applies(chain: Chain) -> bool:
-    """One filter between at most one map on each side, or two filters around a map; nothing of the model held."""
-    if chain.channels != (1, 1) or chain.bounds or np.any(~chain.free & ~chain.initial):
+    """One filter for each input between at most one map on each side, or two filters around a map; nothing held.
+
+    All of one output; two filters are of one input.
+    """
+    if chain.channels[1] != 1 or chain.bounds or np.any(~chain.free & ~chain.initial):
         return False
-    kinds = "".join(
-        "L" if isinstance(b, TransferFunction) else "N" if is_map(b) else "?"
-        for b in chain.blocks
-        if b.n_parameters and not isinstance(b, Offset)
-    )
-    return kinds in ("L", "NL", "LN", "NLN", "LNL")
+    kinds = "".join(map(_kind, (b for b in chain.blocks if b.n_parameters and not isinstance(b, Offset))))
+    return kinds in ("L", "NL", "LN", "NLN") or (kinds == "LNL" and chain.channels == (1, 1))
+
+
+def _kind(block: Block) -> str:
+    if filters_of(block):
+        return "L"
+    return "N" if all(is_map(part) for _, part in block.parts()) else "?"
 
 
 def starting_points(
@@ -60,7 +69,7 @@ def starting_points(
     """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
-    if len(chain.dynamics) == 2:
+    if len(filter_blocks(chain)) == 2:
         chosen_candidates = _distinct(
             two_filters.splits(chain, part, rng, turn, count > 1, theta_best), min(count, _LADDER[0][0])
         )
@@ -72,13 +81,9 @@ def starting_points(
         knots = max(4, min(knots, part.N // 25))
         field = [s.lay_places(part, knots).search(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)
-    optima = (
-        _distinct_optima(field)
-        if len(movable_maps(chain)) == sum(map(is_map, chain.blocks))
-        else [(s, 1) for s in field]
-    )
+    optima = _distinct_optima(field) if len(movable_maps(chain)) == len(maps_of(chain)) else [(s, 1) for s in field]
     points = [StartingPoint(s.to_chain(chain, part), s.member, n) for s, n in optima if np.isfinite(s.loss)]
-    if turn == 0 and count > 1 and len(optima) and len(movable_maps(chain)) < sum(map(is_map, chain.blocks)):
+    if turn == 0 and count > 1 and len(optima) and len(movable_maps(chain)) < len(maps_of(chain)):
         # A map with a shape of its own may not come near to a free curve; then the search begins at the identity.
         points += [StartingPoint(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
     return points
@@ -109,51 +114,53 @@ def _distinct_optima(field: list[Surrogate]) -> list[tuple[Surrogate, int]]:
 
 def candidates(chain: Chain, record: IOData, rng: np.random.Generator, turn: int, draw: bool) -> list[Candidate]:
     """Candidates of one round, unsorted; later rounds only draw."""
-    linear = chain.linear
     screen = screen_of(chain, record)
     pool: list[Candidate] = []
     for name, member in MEMBERS.items():
         if (name in _QUICK or draw) and (turn == 0 or name == "drawn"):
-            for f in member(screen, linear, rng):
+            for f in member(screen, rng):
                 pool += screen.candidates(name, f)
     return pool
 
 
 def screen_of(chain: Chain, record: IOData) -> Screen:
     """What all candidates of a record share."""
-    k = chain.blocks.index(chain.linear)
-    map_before, map_behind = any(map(is_map, chain.blocks[:k])), any(map(is_map, chain.blocks[k + 1 :]))
-    return Screen(record.u[:, 0], record.y[:, 0], chain.linear.nb, chain.linear.nk, map_before, map_behind)
+    (linear,), (u, y) = filter_blocks(chain), signals_of(record)
+    k = chain.blocks.index(linear)
+    before, behind = (bool(maps_of(chain, part)) for part in (slice(k), slice(k + 1, None)))
+    return Screen(u, y, linear, before, behind)
 
 
 def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
     """The chain of straight lines that a candidate describes."""
     screen = screen_of(chain, record)
-    linear, x = chain.linear, screen.u
+    linear, theta = screen.linear, np.zeros(len(chain.names))
     k = chain.blocks.index(linear)
-    blocks, parts = list(chain.blocks), []
-    b, w = c.b, c.signal
-    for i in range(k):
-        if is_map(blocks[i]):
-            assert c.curve is not None
-            knots = curves.places(x, len(c.curve[0]))
-            blocks[i] = line(knots, blocks[i].role)
-            parts.append(np.interp(knots, *c.curve))
+    b, w, rises = c.b, c.signal, np.zeros(len(screen.filters))
     if not screen.behind:
         gain = float(np.cov(w, screen.y)[0, 1] / (w.var() or 1.0))
         b, w = gain * b, gain * w
-        if screen.before:
-            F1, B1 = 1.0 + c.f.sum(), b.sum()
-            parts[0] = parts[0] + (float(np.mean(screen.y - w)) * F1 / B1 if abs(B1) > 1e-9 * np.abs(b).max() else 0.0)
-    part = np.zeros(linear.n_parameters)
-    part[: linear.nb], part[linear.nb : linear.nb + linear.nf] = b, c.f
-    parts.append(part)
-    for i in range(k + 1, len(blocks)):
-        if is_map(blocks[i]):
+        B1 = np.array([part.sum() for part in np.split(b, np.cumsum([entry.nb for entry in screen.filters])[:-1])])
+        F1 = np.array([1.0 + F[1:].sum() for F in screen.denominators_of(c.f)])
+        i = int(np.argmax(np.abs(B1 / F1)))
+        if screen.before and abs(B1[i]) > 1e-9 * np.abs(b).max():
+            rises[i] = float(np.mean(screen.y - w)) * F1[i] / B1[i]
+    at_b, at_f, _ = coefficients(linear)
+    theta[chain.index(linear).start + at_b], theta[chain.index(linear).start + at_f] = b, c.f
+    for block in chain.blocks[k + 1 :]:
+        if isinstance(block, Offset) and not (screen.behind or screen.before):  # else a curve holds it
+            theta[chain.index(block)] = np.mean(screen.y - w)
+    given = iter(zip(c.curve or (), rises, strict=False))
+
+    def curve(block: Block, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        if not is_map(block):
+            return None
+        if x is w:
             knots = curves.places(w, 8)
-            blocks[i] = line(knots, blocks[i].role)
-            parts.append(curves.fit_curve(w, screen.y, knots)[0])
-        elif isinstance(blocks[i], Offset):
-            held = screen.behind or screen.before  # by the curve
-            parts.append(np.zeros(1) if held else np.array([np.mean(screen.y - w)]))
-    return Surrogate(Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts), member=c.member)
+            return knots, curves.fit_curve(w, screen.y, knots)[0]
+        values, rise = next(given)
+        knots = curves.places(x, len(values[0]))
+        return knots, np.interp(knots, *values) + rise
+
+    signals = [screen.u] * (k + 1) + [w] * (len(chain.blocks) - k - 1)
+    return Surrogate(*with_lines(chain, theta, signals, curve), member=c.member)

@@ -1,21 +1,17 @@
-"""Curves through points at given places, maps near to them, and a chain whose maps are such curves.
+"""Curves through points at given places, and maps near to them.
 
 A curve is linear in its values at fixed places, so that least squares finds it at once, and a search goes down without
 the traps of break points that move. Places are chosen again on the signal that reaches the map, coarse to fine.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import Offset, PiecewiseLinear, TransferFunction
-from sysid.data.record import IOData
-from sysid.estimation.problem import ChainProblem
+from sysid.blocks import Offset, PiecewiseLinear
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, iterate
-from sysid.solver.searches import LevenbergMarquardt
 
 _SAMPLE = 1000  # samples of a signal that give its quantiles
 _FEW = 1e-6  # weight of the bends of a curve, relative to the data: it only decides where there are no data
@@ -195,78 +191,6 @@ def _spread_places(places: np.ndarray, count: int) -> np.ndarray:
     return knots
 
 
-@dataclass(frozen=True)
-class Surrogate:
-    """A chain with maps at fixed places, its parameters, and its loss on the record that it was searched on."""
-
-    chain: Chain
-    theta: np.ndarray
-    loss: float = np.inf
-    member: str = ""
-
-    def search(self, record: IOData, iterations: int, curvature: float) -> "Surrogate":
-        """After some steps of Levenberg-Marquardt; `curvature` as in `Objective`."""
-        problem = ChainProblem(self.chain, self.theta[None, :], (record,), self.chain.free)
-        e = problem.residual(problem.start)
-        if e is None or not np.all(np.isfinite(e)):
-            return self
-        problem = replace(problem, curvature_weight=curvature * max(float(e.std()), 1e-9 * float(record.y.std())))
-        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=iterations, tolerance=0.1))
-        theta = problem.thetas(out.p)[0]
-        e = problem.bare.residual(out.p)
-        return replace(self, theta=theta, loss=float(e @ e) / len(e) if e is not None else np.inf)
-
-    def lay_places(self, record: IOData, knots: int) -> "Surrogate":
-        """The same curves with `knots` places each, laid on the signals of this record."""
-        signals = self.chain.signals(self.theta, record.u[:, 0])
-        blocks, parts = list[Block](), list[np.ndarray]()
-        for block, x in zip(self.chain.blocks, signals, strict=False):
-            part = self.chain.part(self.theta, block)
-            if is_map(block):
-                new_knots = places(x, knots)
-                blocks.append(line(new_knots, block.role))
-                parts.append(block.output(part, new_knots))
-            else:
-                blocks.append(block)
-                parts.append(part)
-        return replace(self, chain=replace(self.chain, blocks=tuple(blocks)), theta=np.concatenate(parts))
-
-    def to_chain(self, chain: Chain, record: IOData) -> np.ndarray:
-        """theta (P,) of the real chain, whose maps come as near to these curves as they can.
-
-        A map behind the last filter is fitted to the signal that really reaches it: a map before it may lack an
-        offset.
-        """
-        inner = self.chain.signals(self.theta, record.u[:, 0])
-        parts = [self.chain.part(self.theta, block).copy() for block in self.chain.blocks]
-        x = record.u[:, 0]
-        for k, (real, block) in enumerate(zip(chain.blocks, self.chain.blocks, strict=True)):
-            if is_map(block):
-                assert isinstance(block, PiecewiseLinear)
-                assert isinstance(real, StaticBlock)
-                knots, values = np.array(block.at), parts[k]
-                last = k > 0 and not any(isinstance(b, TransferFunction) for b in chain.blocks[k:])
-                if last:
-                    knots = places(x, len(knots))
-                    values = fit_curve(x, record.y[:, 0], knots)[0]
-                    signal = x
-                else:
-                    signal = inner[k]
-                nearest = as_block(real, knots, values, sample_mass(signal, knots))
-                if last:
-                    nearest = _gain_before(real, nearest)
-                parts[k] = nearest.theta
-                if k > 0:
-                    parts[k - 1] = _scale_output(chain.blocks[k - 1], parts[k - 1], nearest.before)
-                    x = x * nearest.before
-                if k + 1 < len(parts) and isinstance(chain.blocks[k + 1], TransferFunction):
-                    parts[k + 1] = _scale_input(chain.blocks[k + 1], parts[k + 1], nearest.behind)
-            elif isinstance(block, Offset):
-                parts[k] = np.array([np.mean(record.y[:, 0] - x)])
-            x = real.output(parts[k], x)
-        return np.concatenate(parts)
-
-
 def is_map(block: object) -> bool:
     """Whether a block is a map with parameters, and not the offset of an output."""
     return isinstance(block, StaticBlock) and block.n_parameters > 0 and not isinstance(block, Offset)
@@ -277,30 +201,15 @@ def line(knots: np.ndarray, role: str) -> PiecewiseLinear:
     return PiecewiseLinear(len(knots), free_knots=False, at=tuple(knots.tolist()), role=role)
 
 
-def _gain_before(block: StaticBlock, nearest: NearestMap) -> NearestMap:
-    """The same where no filter behind the map takes its gain: a saturation of a larger signal has wider limits."""
-    gain = np.array([nearest.behind])
-    law = block.law(gain, gain)
-    if law is None or nearest.behind == 1.0:
-        return nearest
-    return NearestMap(law.M @ nearest.theta, nearest.before * nearest.behind)
+def maps_of(chain: Chain, part: slice = slice(None)) -> list[tuple[slice, Block]]:
+    """The maps of the chain's blocks in `part`, with the positions of their parameters in theta."""
+    maps = []
+    for block in chain.blocks[part]:
+        start = chain.index(block).start
+        maps += [(slice(start + place.start, start + place.stop), m) for place, m in block.parts() if is_map(m)]
+    return maps
 
 
-def _scale_output(block, part: np.ndarray, gain: float) -> np.ndarray:
-    """Parameters of a filter whose output is `gain` times as large, initial state included."""
-    part = part.copy()
-    part[: block.nb] *= gain
-    part[block.nb + block.nf :] *= gain
-    return part
-
-
-def _scale_input(block, part: np.ndarray, gain: float) -> np.ndarray:
-    """Parameters of a filter for an input that is 1 / `gain` times as large."""
-    part = part.copy()
-    part[: block.nb] *= gain
-    return part
-
-
-def movable_maps(chain: Chain) -> list[PiecewiseLinear]:
-    """The maps whose break points may move."""
-    return [b for b in chain.blocks if isinstance(b, PiecewiseLinear) and b.free_knots and not b.at]
+def movable_maps(chain: Chain) -> list[tuple[slice, PiecewiseLinear]]:
+    """The maps whose break points may move, with the positions of their parameters in theta."""
+    return [(place, m) for place, m in maps_of(chain) if isinstance(m, PiecewiseLinear) and m.free_knots and not m.at]

@@ -10,14 +10,15 @@ from scipy.linalg import solve_triangular
 from scipy.signal import lfilter
 
 from sysid.block.block import Block
-from sysid.blocks import TransferFunction
+from sysid.blocks import PiecewiseLinear, TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._start import delay, denominators, same_poles
+from sysid.estimation.starts._start import delay, denominators, filters_of, same_poles
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.curves import is_map, line, movable_maps
-from sysid.estimation.starts.portfolio.screen import random_poles
-from sysid.model.chain import Chain
+from sysid.estimation.starts.portfolio.curves import maps_of, movable_maps
+from sysid.estimation.starts.portfolio.members import random_poles
+from sysid.estimation.starts.portfolio.surrogate import with_lines
+from sysid.model.chain import Chain, columns
 from sysid.solver.iterate import Linearisation
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
@@ -38,37 +39,39 @@ def move_breakpoints(
     near: among places close to the present break points, else among places over the whole range. The filters move with
     the curve by a damped step.
     """
-    if not movable_maps(chain) or chain.channels != (1, 1):
+    if not movable_maps(chain):
         return None
     fine, values = _refine_curves(chain, theta, record, near)
     e, J = ChainProblem(fine, values[None, :], (record,), fine.free).linearise(np.zeros(len(values)))
     least, best, fresh = gain * float(e @ e), 0.0, None
-    filter_rows = np.concatenate([np.arange(*fine.index(b).indices(len(values))) for b in fine.blocks if not is_map(b)])
+    filter_rows, filter_places = (_beside_maps(c) for c in (fine, chain))
     if not np.all(np.isfinite(J)):
         return None
-    for block in movable_maps(chain):
-        place = fine.index(fine.blocks[chain.blocks.index(block)])
-        places = np.array(fine.blocks[chain.blocks.index(block)].at)  # type: ignore[attr-defined]
+    fine_maps = dict(zip((at.start for at, _ in maps_of(chain)), maps_of(fine), strict=True))
+    for at, block in movable_maps(chain):
+        place, line = fine_maps[at.start]
+        assert isinstance(line, PiecewiseLinear)
+        places = np.array(line.at)
         lin = _damped_problem(e, J, filter_rows, place)
         n = len(filter_rows)
         M, z = lin.R[n:, n:], lin.z[n:] + lin.R[n:, n:] @ values[place]
-        best_polygon = _best_polygon(M, z, places, theta[chain.index(block)][: block.knots], least)
+        best_polygon = _best_polygon(M, z, places, theta[at][: block.knots], least)
         if best_polygon is None or best_polygon[0] <= best:
             continue
         best, fresh = best_polygon[0], theta.copy()
-        fresh[chain.index(block)] = best_polygon[1]
+        fresh[at] = best_polygon[1]
         change = np.interp(places, best_polygon[1][: block.knots], best_polygon[1][block.knots :]) - values[place]
         step = np.zeros(len(values))
         step[filter_rows] = solve_triangular(lin.R[:n, :n], lin.z[:n] - lin.R[:n, n:] @ change)
-        step = fine.basis @ step
-        for b, f in zip(chain.blocks, fine.blocks, strict=True):
-            if not is_map(b):
-                fresh[chain.index(b)] += step[fine.index(f)]
+        fresh[filter_places] += (fine.basis @ step)[filter_rows]
         if not chain.admissible(fresh):
-            for b in chain.blocks:
-                if not is_map(b):
-                    fresh[chain.index(b)] = theta[chain.index(b)]
+            fresh[filter_places] = theta[filter_places]
     return fresh
+
+
+def _beside_maps(chain: Chain) -> np.ndarray:
+    """Positions in theta of all that is not of a map."""
+    return np.delete(np.arange(len(chain.names)), np.concatenate([np.r_[place] for place, _ in maps_of(chain)]))
 
 
 def _damped_problem(e: np.ndarray, J: np.ndarray, rows: np.ndarray, place: slice) -> Linearisation:
@@ -82,24 +85,19 @@ def _damped_problem(e: np.ndarray, J: np.ndarray, rows: np.ndarray, place: slice
 
 def _refine_curves(chain: Chain, theta: np.ndarray, record: IOData, near: bool) -> tuple[Chain, np.ndarray]:
     """The chain with its curves at many fixed places, among them the present break points, and its parameters."""
-    signals = chain.signals(theta, record.u[:, 0])
-    blocks, parts = list[Block](), list[np.ndarray]()
-    for block, x in zip(chain.blocks, signals, strict=False):
-        part = chain.part(theta, block)
-        if block in movable_maps(chain):
-            breakpoints = part[: block.knots]
-            low, high = float(x.min()), float(x.max())
-            knots = np.concatenate([_close(breakpoints) if near else curves.places(x, _FINE), breakpoints, [low, high]])
-            knots = knots[(knots >= low) & (knots <= high)]
-            order = np.argsort(knots, kind="stable")
-            knots = knots[order]
-            knots = knots[np.concatenate([[True], np.diff(knots) > 1e-3 * (high - low)])]
-            blocks.append(line(knots, block.role))
-            parts.append(block.output(part, knots))
-        else:
-            blocks.append(block)
-            parts.append(part)
-    return Chain(tuple(blocks), structure=chain.structure), np.concatenate(parts)
+    movable = [block for _, block in movable_maps(chain)]
+
+    def curve(block: Block, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        if not isinstance(block, PiecewiseLinear) or block not in movable:
+            return None
+        breakpoints = part[: block.knots]
+        low, high = float(x.min()), float(x.max())
+        knots = np.concatenate([_close(breakpoints) if near else curves.places(x, _FINE), breakpoints, [low, high]])
+        knots = np.sort(knots[(knots >= low) & (knots <= high)])
+        knots = knots[np.concatenate([[True], np.diff(knots) > 1e-3 * (high - low)])]
+        return knots, block.output(part, knots)
+
+    return with_lines(chain, theta, chain.signals(theta, record.u), curve)
 
 
 def _close(breakpoints: np.ndarray) -> np.ndarray:
@@ -166,18 +164,19 @@ def pole_alternatives(
     chain: Chain, theta: np.ndarray, record: IOData, rng: np.random.Generator, count: int
 ) -> list[np.ndarray]:
     """Up to `count` points theta (P,), each with other poles of one filter, the likeliest first."""
-    signals = chain.signals(theta, record.u[:, 0])
+    signals = chain.signals(theta, record.u)
     e = record.y[:, 0] - signals[-1]
     if not np.all(np.isfinite(e)):
         return []
     pool: list[tuple[float, np.ndarray]] = []
     for k, block in enumerate(chain.blocks):
-        if not isinstance(block, TransferFunction) or not block.nf:
-            continue
-        if any(isinstance(b, TransferFunction) for b in chain.blocks[k + 1 :]):
+        if not filters_of(block) or any(map(filters_of, chain.blocks[k + 1 :])):
             continue  # what its output should be is hidden behind another filter
-        target = signals[k + 1] + _input_correction(chain, theta, k, signals[k + 1], e)
-        pool += _filter_alternatives(chain, theta, block, signals[k], target, rng)
+        change = _input_correction(chain, theta, k, signals[k + 1], e)
+        for (part, entry), x in zip(block.parts(), columns(signals[k], block.channels[0]), strict=True):
+            place = slice(chain.index(block).start + part.start, chain.index(block).start + part.stop)
+            if isinstance(entry, TransferFunction) and entry.nf:
+                pool += _filter_alternatives(theta, place, entry, x, entry.output(theta[place], x) + change, rng)
     pool.sort(key=lambda pair: pair[0])
     distinct: list[np.ndarray] = []
     for _, point in pool:
@@ -200,15 +199,15 @@ def _input_correction(chain: Chain, theta: np.ndarray, k: int, w: np.ndarray, e:
 
 
 def _filter_alternatives(
-    chain: Chain,
     theta: np.ndarray,
+    place: slice,
     block: TransferFunction,
     x: np.ndarray,
     target: np.ndarray,
     rng: np.random.Generator,
 ) -> list[tuple[float, np.ndarray]]:
     """Losses and points with other poles of one filter from x to target (N,), its B and initial state solved for."""
-    part = chain.part(theta, block)
+    part = theta[place]
     denominators_tried = denominators(block, x - x.mean(), target - target.mean())
     denominators_tried += [np.real(np.poly(block.stretched(part, rng)))[1:] for _ in range(_POLES_VARIED)]
     denominators_tried += [random_poles(block.nf, len(x), rng) for _ in range(_POLES_DRAWN)]
@@ -224,8 +223,8 @@ def _filter_alternatives(
             continue
         solution = np.linalg.lstsq(A, target, rcond=1e-10)[0]
         fresh = theta.copy()
-        fresh[chain.index(block)] = np.concatenate([solution[: block.nb], f, solution[block.nb :]])
-        if block.admissible(chain.part(fresh, block)):
+        fresh[place] = np.concatenate([solution[: block.nb], f, solution[block.nb :]])
+        if block.admissible(fresh[place]):
             pool.append((float(np.mean((target - A @ solution) ** 2)), fresh))
     return pool
 

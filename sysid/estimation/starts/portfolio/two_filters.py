@@ -16,8 +16,10 @@ from sysid.blocks import TransferFunction
 from sysid.data.record import IOData
 from sysid.estimation.starts._start import best_output_error, delay, denominators
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.curves import Surrogate, is_map, line
-from sysid.estimation.starts.portfolio.screen import Candidate, Screen, curved_input, even_part, random_poles
+from sysid.estimation.starts.portfolio.curves import is_map, line
+from sysid.estimation.starts.portfolio.members import curved_input, even_part, random_poles
+from sysid.estimation.starts.portfolio.screen import Candidate, Screen
+from sysid.estimation.starts.portfolio.surrogate import Surrogate
 from sysid.model.chain import Chain
 
 _SPLITS = 60  # at most, of one linear model
@@ -85,7 +87,7 @@ def surrogate_of_split(chain: Chain, split: Split, record: IOData) -> Surrogate:
     middle = next(b for b in chain.blocks if is_map(b))
     knots, curve = curves.places(split.w, _PLACES), split.rest.curve
     assert curve is not None
-    values = np.interp(knots, *curve)
+    values = np.interp(knots, *curve[0])
     theta_first, theta_second = np.zeros(first.n_parameters), np.zeros(second.n_parameters)
     theta_first[: first.nb], theta_first[first.nb : first.nb + first.nf] = split.b, split.f
     gain = float(np.cov(split.rest.signal, y)[0, 1] / (split.rest.signal.var() or 1.0))
@@ -117,9 +119,9 @@ def _rest(
     if not np.all(np.isfinite(w)) or not w.std() > 0.0:
         return []
     b, w = b / w.std(), w / w.std()
-    screen = Screen(w, y, second.nb, second.nk, before=True, behind=False)
+    screen = Screen(w, y, second, before=True, behind=False)
     try:
-        choices = [poles] if poles is not None else list(curved_input(screen, second, np.random.default_rng(0)))
+        choices = [poles] if poles is not None else list(curved_input(screen, np.random.default_rng(0)))
     except np.linalg.LinAlgError:
         return []
     rest = [c for denominator in choices for c in screen.candidates(member, denominator)]
@@ -176,8 +178,8 @@ def _unmodelled_poles(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Poles of the first filter that no linear model gives: from the even part, from one filter alone, and drawn."""
     if turn == 0:
-        even = Screen(u, y, first.nb, first.nk, before=False, behind=True)
-        yield from (("even_part", f) for f in even_part(even, first, rng))
+        even = Screen(u, y, first, before=False, behind=True)
+        yield from (("even_part", f) for f in even_part(even, rng))
         yield from (("approximation", f) for f in denominators(first, u, y - y.mean()))
     for _ in range(_DRAWN * (1 + turn)):
         yield "drawn", random_poles(first.nf, len(u), rng)
