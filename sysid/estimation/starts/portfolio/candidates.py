@@ -142,7 +142,8 @@ def surrogate_of(chain: Chain, c: Candidate, record: IOData) -> Surrogate:
         b, w = gain * b, gain * w
         B1 = np.array([part.sum() for part in np.split(b, np.cumsum([entry.nb for entry in screen.filters])[:-1])])
         F1 = np.array([1.0 + F[1:].sum() for F in screen.denominators_of(c.f)])
-        i = int(np.argmax(np.abs(B1 / F1)))
+        gains = np.divide(B1, F1, out=np.zeros(len(F1)), where=F1 != 0.0)  # an integrator holds no constant
+        i = int(np.argmax(np.abs(gains)))
         if screen.before and abs(B1[i]) > 1e-9 * np.abs(b).max():
             rises[i] = float(np.mean(screen.y - w)) * F1[i] / B1[i]
     at_b, at_f, _ = coefficients(linear)
