@@ -1,4 +1,4 @@
-"""How often the default fit reaches the optimum: drawn plants, loss over that of fits begun at the truth.
+"""How often the search reaches the optimum of the plain loss: drawn plants, loss over that of fits begun at the truth.
 
 Plants have orders 1 to 4, maps of eleven families, N 1000 to 4000, 10 to 60 dB. The model has the true orders and the
 structure's default maps, or with --own the plant's own maps. Fits from the truth begin at the true filters, with the
@@ -20,8 +20,11 @@ from sysid.bench.drawing.signals import INPUTS, excitation
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.objective import Objective
 from sysid.model.chain import Chain
 from sysid.structures import TABLE
+
+PLAIN = Objective(knots=0)
 
 
 def draw_record(structure: str, seed: int) -> tuple[Plant, IOData, float, str]:
@@ -50,7 +53,7 @@ def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
         for true, block in zip(plant.chain.blocks, model.blocks, strict=True):
             part = plant.theta[plant.chain.index(true)]
             if (isinstance(block, PiecewiseLinear) and not isinstance(true, PiecewiseLinear)) or block != true:
-                places = _places(true, part, x, block.knots, way)
+                places = _places(true, part, x, block.n, way)
                 theta.append(np.concatenate([places, true.output(part, places)]))
             else:
                 theta.append(part)
@@ -58,7 +61,7 @@ def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
         starts.append(np.concatenate(theta))
         if model.blocks == plant.chain.blocks:
             break
-    return min(fit_chain(model, data, start=s).criteria.mse for s in starts)
+    return min(fit_chain(model, data, start=s, objective=PLAIN).criteria.mse for s in starts)
 
 
 def _places(true, part: np.ndarray, x: np.ndarray, knots: int, way: str) -> np.ndarray:
@@ -91,7 +94,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     model = plant.chain if options.own else model_of(plant)
     start = time.process_time()
     try:
-        fit = fit_chain(model, data, **({} if options.starts is None else {"starts": options.starts}))
+        fit = fit_chain(model, data, starts=options.starts or "auto", objective=PLAIN)
     except Exception as e:
         return {"structure": structure, "seed": seed, "ratio": np.inf, "error": str(e), "given": description}
     seconds = time.process_time() - start

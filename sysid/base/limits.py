@@ -45,7 +45,7 @@ BY_NAME: Mapping[str, Span] = {
     "folds": Span(-STARTS, STARTS),  # the lowest one is said by the call
     "horizon": Span(1, SAMPLES),
     "jobs": Span(1, PROCESSES),
-    "knots": COUNT,
+    "knots": FROM_ZERO,
     # Of confidence: at 1 every band is infinite.
     "level": Span(0.0, 1.0 - 1e-9, above=True, say="a probability between 0 and 1, for example 0.95"),
     "lower": BOUND,

@@ -6,6 +6,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+ROUNDING = 1e-14  # of F(1), which leaves a pole at 1
 ON_CIRCLE = 1e-9  # distance from the unit circle that a search leaves to a pole which it holds there
 
 

@@ -143,13 +143,21 @@ class Block(ABC):
     def finer(self, theta: np.ndarray, x: np.ndarray, knots: int) -> "tuple[Block, np.ndarray] | None":
         """This map with `knots` break points at fixed places over the range of x (N,), and its theta with this curve.
 
-        None of a block that is no map on break points.
+        None of a block that is no map on break points, or whose number of them is given.
         """
         return None
 
+    def asked(self) -> "Block":
+        """The map that `finer` made this one from; itself if it is none of these."""
+        return self
+
     def slope_changes(self) -> np.ndarray:
-        """Rows (k, p): rows theta are the changes of slope at the inner break points of a map at fixed places."""
+        """Rows (k, p): rows theta are the changes of slope of a map at the many fixed places that `finer` gave it."""
         return np.empty((0, self.n_parameters))
+
+    def wider(self, theta: np.ndarray) -> "tuple[Block, np.ndarray, float] | None":
+        """A finer map with one more place on each side, its theta with the same curve, and its mean slope there."""
+        return None
 
     def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot (k,), divided by the map's mean slope, and the derivative (k, p).

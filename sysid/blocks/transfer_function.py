@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.poles import monic
+from sysid.base.poles import ROUNDING, monic
 from sysid.block.block import Block, Law, Piecewise, Slot
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Code, Writer, number
@@ -72,10 +72,10 @@ class TransferFunction(Block):
         return np.roots(self.split(theta)[0]).astype(complex)
 
     def gain(self, theta: np.ndarray) -> float:
-        """B(1)/F(1); infinite with a pole at 1."""
+        """B(1)/F(1); infinite with a pole at 1 but for rounding."""
         b, f, _ = self.split(theta)
         F1 = 1.0 + f.sum()
-        return float(b.sum() / F1) if F1 != 0 else np.inf
+        return float(b.sum() / F1) if abs(F1) > ROUNDING else np.inf
 
     def admissible(self, theta: np.ndarray) -> bool:
         if self.stability == "free" or self.nf == 0:

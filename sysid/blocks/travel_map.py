@@ -43,6 +43,11 @@ class TravelMap(Written, StaticBlock):
         if self.knots < 2:
             raise InputError(f"a travel map has {self.knots} knot(s); give at least 2")
 
+    @property
+    def n(self) -> int:
+        """How many points its straight lines go through."""
+        return self.knots
+
     def slots(self) -> tuple[Slot, ...]:
         inner = (Slot(f"s{i}", lower=0.0, upper=1.0) for i in range(1, self.knots - 1))
         return (Slot("low"), Slot("high"), *inner)

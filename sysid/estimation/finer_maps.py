@@ -24,6 +24,7 @@ _ROUNDS, _ITERATIONS, _UPDATES = 8, 5, 80  # linearisations, steps of the search
 _LAST = 40  # steps with the last widths
 _STEADY = 0.02  # largest change of a log precision in an update that ends them
 _SETTLED = 0.1  # the same between two rounds
+_UNSETTLED = 2  # rounds before that counts
 _NARROWEST = 1e-9  # tau^2, by the square of the range of the map's slopes
 _JITTER = 1e-11  # of a diagonal of ones: directions that neither the record nor the prior holds
 
@@ -37,11 +38,17 @@ class _Maps:
 
 
 def finer_maps(
-    model: Chain, data: IOData, normal: Normal, result: SearchResult, context: SearchContext
+    model: Chain,
+    data: IOData,
+    normal: Normal,
+    result: SearchResult,
+    context: SearchContext,
+    weights: np.ndarray | None = None,
 ) -> tuple[Chain, Normal, SearchResult]:
     """The model with finer maps, its normal units, and the end of its search there; as given where it has no such map.
 
-    `context` and `result` are those of `model` in the units `normal`.
+    `context` and `result` are those of `model` in the units `normal`; `weights` (k,) is the `smoothing` of a fit that
+    goes on.
     """
     thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
     finer, thetas = _finer_chain(model, thetas, data, context.objective.knots)
@@ -53,11 +60,45 @@ def finer_maps(
         return model, normal, result
     threshold = result.problem.huber_threshold * normal.size / fine_normal.size
     context = replace(context, model=chain, data=fine_normal.data, unit=fine_normal.size, huber_threshold=threshold)
-    held = _scales(chain, thetas[0])
+    held = held_scales(chain, thetas[0])
     problem = replace(context.problem(thetas), moving=chain.free & ~held)
     costs = tuple(c * (normal.size / fine_normal.size) ** 2 for c in result.costs)
     result = replace(result, problem=problem, outcome=replace(result.outcome, p=problem.start), costs=costs)
-    return finer, fine_normal, _fit_with_prior(context, result, maps)
+    precisions = _Precisions(maps, corners=not has_finer_maps(model))
+    if weights is not None and len(weights) == len(maps.rows):
+        saved = Prior(slope_changes(finer), np.zeros(len(weights)), weights, chosen=True)
+        there = saved.moved(np.linalg.inv(fine_normal.M), np.zeros(len(thetas[0])), 1.0 / fine_normal.size)
+        precisions.begin(_weights_of(maps.rows, there))
+    return finer, fine_normal, _fit_with_prior(context, result, maps, precisions)
+
+
+def has_finer_maps(chain: Chain) -> bool:
+    """Whether maps of the chain have the many places of a former fit, and so need their prior."""
+    return any(len(block.slope_changes()) for block in chain.blocks)
+
+
+def slope_changes(chain: Chain) -> np.ndarray:
+    """Rows (k, P): rows theta are the changes of slope of all finer maps, which are free."""
+    rows = [np.empty((0, len(chain.names)))]
+    for block in chain.blocks:
+        part, changes = chain.index(block), block.slope_changes()
+        if len(changes) and chain.free[part].all():
+            wide = np.zeros((len(changes), len(chain.names)))
+            wide[:, part] = changes
+            rows.append(wide)
+    return np.concatenate(rows)
+
+
+def smoothing(chain: Chain, prior: Prior | None) -> np.ndarray | None:
+    """The weights (k,) that a chosen prior gives the changes of slope of the chain; None without such a prior."""
+    return None if prior is None or not prior.chosen else _weights_of(slope_changes(chain), prior)
+
+
+def _weights_of(rows: np.ndarray, prior: Prior) -> np.ndarray:
+    """The weights (k,) of a prior for the same changes of slope in other sizes, also of maps that are turned round."""
+    weighted = prior.weight[:, None] * prior.rows
+    first = np.argmax(np.abs(weighted) > 1e-9 * np.abs(weighted).max(axis=1, keepdims=True), axis=1)
+    return np.linalg.norm(weighted[np.argsort(first)], axis=1) / np.linalg.norm(rows, axis=1)
 
 
 def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> tuple[Chain, np.ndarray]:
@@ -97,7 +138,7 @@ def _maps(chain: Chain, theta: np.ndarray) -> _Maps:
     return _Maps(np.concatenate(rows), tuple(groups))
 
 
-def _scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
+def held_scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
     """True (P,) for one value of each map before a filter: its scale is redundant, and a prior would shrink it."""
     held = np.zeros(len(theta), dtype=bool)
     for block in chain.blocks[:-1]:
@@ -106,49 +147,62 @@ def _scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
     return held
 
 
-def _fit_with_prior(context: SearchContext, result: SearchResult, maps: _Maps) -> SearchResult:
+def _fit_with_prior(
+    context: SearchContext, result: SearchResult, maps: _Maps, precisions: "_Precisions"
+) -> SearchResult:
     """The search goes on, in rounds of new precisions for the linearised model and a few steps with these."""
     problem, outcome = result.problem, result.outcome
     n = int(problem.moving.sum())
     basis = np.zeros((problem.theta0.shape[1], len(problem.start)))
     basis[:, :n] = problem.chain.basis[:, problem.moving]
-    precisions = _Precisions(maps, maps.rows @ basis)
     options = replace(context.options, max_iterations=min(_ITERATIONS, context.options.max_iterations))
-    for turn in range(_ROUNDS):
+    for _ in range(_ROUNDS):
         bare = problem.bare
         lin = bare.compact(outcome.p) or Linearisation.of(*bare.linearise(outcome.p))
-        change = precisions.update(lin, maps.rows @ problem.thetas(outcome.p)[0], gaussian=turn == 0)
+        settled = precisions.update(lin, maps.rows @ problem.thetas(outcome.p)[0], maps.rows @ basis)
         weight = np.sqrt(precisions.precision * precisions.noise)
         candidate = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
         end = context.iterate(candidate, outcome.p, options)
         if not np.isfinite(end.cost):
             break
         problem, outcome = candidate, outcome.then(end)
-        if (turn > 1 and change < _SETTLED) or context.out_of_time:
+        if settled or context.out_of_time:
             break
     if not outcome.stop.converged:
-        outcome = outcome.then(context.iterate(problem, outcome.p, replace(options, max_iterations=_LAST)))
+        last = replace(options, max_iterations=min(_LAST, context.options.max_iterations))
+        outcome = outcome.then(context.iterate(problem, outcome.p, last))
     return replace(result, problem=problem, outcome=outcome)
 
 
 class _Precisions:
     """Precisions (k,) of the changes of slope and the variance of the noise, by expectation and maximisation."""
 
-    def __init__(self, maps: _Maps, rows: np.ndarray) -> None:
-        """`rows` (k, n) are those of the maps in the search's directions."""
-        self.groups, self.rows = maps.groups, rows
+    def __init__(self, maps: _Maps, corners: bool) -> None:
+        """`corners` where the maps have those of an earlier search."""
+        self.groups, self.corners, self.rounds = maps.groups, corners, 0
         self.precision: np.ndarray = np.empty(0)
+        self.weight: np.ndarray = np.empty(0)
         self.noise = 0.0
 
-    def update(self, lin: Linearisation, changes: np.ndarray, gaussian: bool) -> float:
+    def begin(self, weight: np.ndarray) -> None:
+        """From the weights (k,) of a fit that goes on, which are deviations of the noise by those of the prior."""
+        self.weight, self.rounds = weight, _UNSETTLED
+
+    def update(self, lin: Linearisation, changes: np.ndarray, rows: np.ndarray) -> bool:
         """New values around a linearisation without prior, where the changes of slope are `changes` (k,).
 
-        Returns the largest change of a logarithm. `gaussian`: one precision for a map, which removes corners that an
-        earlier search has left and the record does not want.
+        `rows` (k, n) give the changes of slope in the search's directions. Returns whether the values have settled. The
+        first time there is one precision for a map, which removes corners that an earlier search has left and the
+        record does not want.
         """
+        gaussian = self.corners and self.rounds == 0
+        self.rows, self.rounds = rows, self.rounds + 1
         if not len(self.precision):
-            self.precision = np.concatenate([np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups])
             self.noise = lin.cost / lin.N
+            self.precision = self.weight**2 / self.noise
+            if not len(self.weight):
+                pieces = [np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups]
+                self.precision = np.concatenate(pieces)
         before = np.append(self.precision, self.noise)
         rest = lin.cost - float(lin.z @ lin.z)
         for _ in range(_UPDATES):
@@ -161,7 +215,8 @@ class _Precisions:
             self.precision = precision
             if step < _STEADY:
                 break
-        return float(np.max(np.abs(np.log(np.append(self.precision, self.noise) / before))))
+        change = np.max(np.abs(np.log(np.append(self.precision, self.noise) / before)))
+        return bool(self.rounds > _UNSETTLED and change < _SETTLED)
 
     def _group(self, group: slice, square: np.ndarray, gaussian: bool) -> np.ndarray:
         """New precisions of one map from the expected squares of its changes of slope."""

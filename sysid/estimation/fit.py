@@ -28,7 +28,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
 from sysid.data.record import IOData, check_magnitudes
-from sysid.estimation.finer_maps import finer_maps
+from sysid.estimation.finer_maps import finer_maps, has_finer_maps, smoothing
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,
@@ -78,7 +78,7 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
-    model = model if start is not None else model.scaled(data.u, data.y)
+    model = model.scaled(data.u, data.y) if start is None else _model_at(model, start)
     search, options = make_search(search).name, (options or Options()).begun()
     objective = objective or LEAST_SQUARES
     _check(model, data, objective)
@@ -92,13 +92,19 @@ def fit_chain(
             reference = linear_reference(context, result, seed)
             result = continue_from_reference(context, result, reference)
             result = continue_from_linear_model(context, result)
+        elif has_finer_maps(model):  # without their prior a search would follow the noise: stage 7 is the search
+            still = replace(options, max_iterations=0)
+            result = search_from_points(replace(context, options=still), _given_points(model, start))
+            reference = None
         else:
             result = search_from_points(context, _given_points(model, start))
             reference = _given_reference(context, result)
-        result = follow_noise(context, result)
-        result = ease_curvature(context, result, reference)
-        if objective.knots:
-            model, normal, result = finer_maps(model, data, normal, result, context)
+        if not has_finer_maps(model):
+            result = follow_noise(context, result)
+            result = ease_curvature(context, result, reference)
+        if objective.knots and not objective.ridge:
+            weights = start.smoothing if isinstance(start, Fit) else None
+            model, normal, result = finer_maps(model, data, normal, result, context, weights)
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
@@ -180,6 +186,7 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
         y_offset=data.y_offset.copy(),
         origin=Origin.of(data, share_explained(data, mse)),
         noise=noise,
+        smoothing=smoothing(model, problem.prior),
     )
 
 
@@ -207,6 +214,13 @@ def _n_init(model: Chain, data: IOData) -> int:
     # Chosen by hand: at least 50 samples and four for each state, at most 1000 and a quarter of the record.
     least = max(50, 4 * max((b.n_state for _, b in model.dynamics), default=0))
     return min(max(least, min(N // 20, 1000)), N // 4)
+
+
+def _model_at(model: Chain, start: Any) -> Chain:
+    """The model, with the finer maps of a fit of it from which it starts."""
+    if not isinstance(start, Fit) or replace(start.model, blocks=start.model.asked).names != model.names:
+        return model
+    return replace(start.model, fixed=model.fixed, bounds=model.bounds)
 
 
 def _given_points(model: Chain, start: Any) -> list[np.ndarray]:

@@ -66,6 +66,7 @@ class Normal:
             chain=chain,
             theta0=thetas,
             records=data.experiments,
+            prior=None if problem.prior is None else problem.prior.moved(self.M, self.m, self.size),
             huber_threshold=problem.huber_threshold * self.size,
             curvature_weight=problem.curvature_weight * self.size,
             scratch={},

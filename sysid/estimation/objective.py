@@ -15,7 +15,7 @@ _SMALLEST = 1e-100  # threshold: errors divided by less overflow
 @checked
 @dataclass(frozen=True)
 class Objective:
-    """Options of the cost; the default is plain least squares.
+    """Options of the cost: least squares, with a prior on the maps whose break points the model does not count.
 
     huber_threshold: the error at which Huber's loss becomes linear, in standard deviations of the residuals (1.345
     keeps 95 % efficiency under Gaussian noise, Huber 1964), None for squares. ridge: weight of the distance to
@@ -23,9 +23,9 @@ class Objective:
     factor for each output's error. curvature_weight: a kink of a free map as large as its mean slope costs as much as
     an error of `curvature_weight` noise standard deviations in one sample; 0 for none. Where there are data, they
     determine the map. A segment with only a few noisy samples, and the extrapolation beyond it, keep nearly the slope
-    of the neighbour. knots: break points that every piecewise linear map has in the end, at fixed places, with a prior
-    on its changes of slope whose width the record chooses (`sysid.estimation.finer_maps`), for example 50; 0 leaves the
-    maps as the model has them, as MATLAB does.
+    of the neighbour. knots: break points that a piecewise linear map without a number of its own ends with, at fixed
+    places, with a prior on its changes of slope whose width the record chooses (`sysid.estimation.finer_maps`); 0 keeps
+    the 10 free ones of the search, as MATLAB does, and so does a ridge.
     """
 
     huber_threshold: float | None = None
@@ -33,7 +33,7 @@ class Objective:
     nominal: Mapping[str, float] = field(default_factory=dict)
     weights: tuple[float, ...] = ()
     curvature_weight: float = 1.0
-    knots: int = 0
+    knots: int = 50
 
     def __post_init__(self) -> None:
         if self.huber_threshold is not None and not _SMALLEST <= self.huber_threshold < np.inf:
@@ -51,8 +51,6 @@ class Objective:
             raise InputError(
                 f"knots is {self.knots}; give at least {_FEWEST}, for example 50, or 0 for the model's own"
             )
-        if self.knots and self.ridge:
-            raise InputError("the record chooses the prior of maps with more knots; give knots or a ridge, not both")
         if any(not 0.0 < w < np.inf for w in self.weights):
             raise InputError(f"weights are {self.weights}; give one positive number for each output")
 

@@ -1,6 +1,6 @@
 """What is known of the parameters beside the record: a Gaussian prior as further rows of the least-squares problem."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,11 @@ class Prior:
     target: np.ndarray
     weight: np.ndarray
     chosen: bool = False
+
+    def moved(self, M: np.ndarray, m: np.ndarray, size: float) -> "Prior":
+        """The same in units with theta = M theta here + m and errors = size errors here."""
+        rows = np.linalg.solve(M.T, self.rows.T).T
+        return replace(self, rows=rows, target=self.target + rows @ m, weight=self.weight * size)
 
     def errors(self, theta: np.ndarray) -> np.ndarray:
         """e (k,) at theta (P,)."""

@@ -68,6 +68,7 @@ class Fit(FitMethods):
     y_offset: np.ndarray | None = None
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
     noise: tuple[tuple[float, ...], ...] | None = None  # autoregression of each output's residuals there, for `predict`
+    smoothing: np.ndarray | None = None  # (k,) deviation of the noise by that of the prior of each change of slope
 
     @checked
     def simulate(self, data: IOData | np.ndarray, n_init: int | None = None) -> np.ndarray:

@@ -110,7 +110,7 @@ def gain(fit: Fit, u: float | None = None, data: IOData | None = None) -> Gain:
 def deviation_of(fit: Fit, info: Information | None = None) -> Deviation:
     """Standard deviation of a quantity from its gradient (P,)."""
     if info is not None:
-        return lambda g: float(info.std_of(g)[0])
+        return info.std_of_fit
     is_undetermined = fit.covariance.unidentifiable
     return lambda g: float("nan") if np.any(is_undetermined & (np.abs(g) > 0.0)) else fit.covariance.deviation(g)
 

@@ -124,6 +124,11 @@ class Chain:
         """Names of all parameters, in the order of theta."""
         return tuple(f"{b.role}.{s.name}" for b in self.blocks for s in b.slots())
 
+    @property
+    def asked(self) -> tuple[Block, ...]:
+        """The blocks before a fit made their maps finer."""
+        return tuple(block.asked() for block in self.blocks)
+
     @cached_property
     def slots(self) -> tuple[Slot, ...]:
         """Slots of all parameters, with the bounds this chain sets."""

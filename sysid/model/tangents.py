@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.poles import ROUNDING
 from sysid.block.block import StaticBlock
 from sysid.blocks import StateSpace, TransferFunction
 from sysid.model.chain import Chain
@@ -37,7 +38,7 @@ class Rational:
     def gain(self) -> float:
         """B(1)/F(1); infinite with a pole at 1."""
         F1 = self.F.sum()
-        return float(self.B.sum() / F1) if abs(F1) > 1e-14 else np.inf
+        return float(self.B.sum() / F1) if abs(F1) > ROUNDING else np.inf
 
     @property
     def gain_gradient(self) -> np.ndarray:

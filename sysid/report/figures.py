@@ -18,7 +18,7 @@ from sysid.base.quantities import Quantity, display_quantity, number, percent, p
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
-from sysid.drawing.figure import Figure, Rule
+from sysid.drawing.figure import Band, Figure, Rule, scaled
 from sysid.drawing.plotly import Plotly, plotly
 from sysid.joint.growth import MARGIN
 from sysid.joint.values import distinct_values
@@ -108,6 +108,10 @@ def joined_figure(e: Evaluation) -> Figure:
     record = IOData.merge(retrend(e.estimation), retrend(e.validation))
     figure = _run_over_both(e, record, "free run", e.estimation_output, e.validation_output, e.validation_fit)
     panels, border = list(figure.panels), (e.estimation.N - 0.5) * record.Ts
+    if e.band is not None:
+        lower, upper = (scaled(edge - e.band.y, signals(e)[1].factor) for edge in (e.band.lower, e.band.upper))
+        band = Band(record.t[e.estimation.N :], lower, upper, f"{100 * e.band.level:g} % band of a new measurement")
+        panels[1] = replace(panels[1], items=[*panels[1].items, band])
     if e.one_step is not None:
         one, words = e.one_step, "one step ahead, NOT a free run"
         prediction = _run_over_both(e, record, words, one.estimation_output, one.validation_output, one.validation_fit)
@@ -128,10 +132,11 @@ def _run_over_both(
 
 def _free_run_caption(e: Evaluation) -> str:
     """The data used by the free run."""
+    band = " The band in the panel of the error says where 95 of 100 new measurements should be." if e.band else ""
     ahead = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
     return (
         f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
-        f"outputs of each part for the initial state; these outputs are not scored.{ahead if e.one_step else ''}"
+        f"outputs of each part for the initial state; these outputs are not scored.{band}{ahead if e.one_step else ''}"
     )
 
 

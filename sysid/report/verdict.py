@@ -21,7 +21,7 @@ def first(result: Identification) -> list[str]:
         f"{model_in_words(e)} has a free-run fit on the validation data of {percent(e.validation_fit)} "
         f"({percent(e.estimation_fit)} on the estimation data). {stability(e)} {tests_in_words(e)}"
     )
-    return [*opening, fits]
+    return [*opening, fits, *band_in_words(e)]
 
 
 def no_joint(e: Evaluation) -> bool:
@@ -32,6 +32,22 @@ def no_joint(e: Evaluation) -> bool:
 def bad(e: Evaluation) -> bool:
     """Whether the free run misses the validation data by more than noise explains."""
     return poor(e.validation_fit, e.tests)
+
+
+def band_in_words(e: Evaluation) -> list[str]:
+    """How much of the validation data the band of the free run holds, and what it is made of; none without a band."""
+    if e.band is None:
+        return []
+    sentence = f"The {100 * e.band.level:g} % band of its free run holds {percent(100 * e.held)} of the validation data"
+    variance = np.nan_to_num(e.band.std, nan=np.inf) ** 2
+    noise = float(np.min(variance))  # of the same size everywhere, and alone where the model is sure
+    if np.mean(variance) > np.var(e.validation.y[:, 0]):
+        wide = "; it is wider than the output itself: the estimation data do not say what the model does on this input"
+    elif np.mean(variance) > 2.0 * noise:
+        wide = "; most of its width is what the estimation data leave open of the model, not noise"
+    else:
+        wide = "; most of its width is noise"
+    return [f"{sentence}{wide}."]
 
 
 def too_narrow(e: Evaluation) -> str:

@@ -65,7 +65,7 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     longest = max(data.experiments, key=lambda e: e.N)
     try:
         single_fit = fit_chain(model, longest, search=method, starts=starts, seed=seed, options=options)
-        refit = fit_chain(model, data, search=method, start=single_fit.theta, options=options)
+        refit = fit_chain(model, data, search=method, start=single_fit, options=options)
     except InputError:
         return fit
     return refit if refit.criteria.loss < fit.criteria.loss else fit

@@ -288,7 +288,9 @@ def _best_fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) ->
         return usual
     method = row.candidate.auto if search == "auto" else search
     options = Options(max_iterations=effort.iterations, max_seconds=(1.0 - _USUAL_SHARE) * effort.seconds)
-    points = np.array([theta for theta in row.thetas if len(theta) == len(usual.theta)])
+    points = np.array([theta for theta in row.thetas if len(theta) == len(model.names)])
+    if not len(points):  # fits of finer maps, whose places differ from part to part
+        return usual
     try:
         refit = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
     except InputError:

@@ -6,7 +6,7 @@ stores both separately, so that a quantity that depends on one of them gets a re
 bound: it cannot move, but the record does not say that it is there exactly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -18,6 +18,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
+from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
 from sysid.model.chain import Chain
 from sysid.solver.covariance import cancels
@@ -30,6 +31,8 @@ GAUGE = "depends on how gain and offset are shared between the blocks, which no 
 UNEXCITED = "the record does not excite it"
 BOUND = "is held at the bound of its range: the record alone would put it beyond, so it has no interval"
 TESTED = "tested"
+_BEYOND = 1.0  # deviation of a map's slope beyond the range of its signal, by its mean slope: see docs/intervals.md
+_FIRMEST = 1e5  # norm of a sample of the prior; columns of J have unit norm
 _EMPTY = 1e-7  # singular values below this share of the largest are zero; columns of J have unit norm
 _LEAK = 1e-5  # share of a gradient along an empty direction that makes a quantity undetermined
 
@@ -41,7 +44,7 @@ class Information:
     `gauge` (P, g) and `unexcited` (P, k) are the directions without information, `bound` (P, h) those that a bound
     holds; `weights` (P, n) scales a gradient so that the columns of the Jacobian have unit norm. `lags` is the
     bandwidth of a covariance that is robust to coloured residuals, None for white residuals. `data` is the record that
-    maps refer to.
+    maps refer to. `own` (P,) marks the parameters that the fit has too: finer maps have a place more on each side here.
     """
 
     chain: Chain
@@ -56,6 +59,7 @@ class Information:
     dof: float
     lags: int | None
     n_init: int
+    own: np.ndarray
 
     @property
     def Ts(self) -> float:
@@ -83,6 +87,12 @@ class Information:
         G = np.atleast_2d(gradient)
         is_undetermined = self._depends_on(G, self.gauge) | self._depends_on(G, self.unexcited) | self._is_at_bound(G)
         return np.where(is_undetermined, np.nan, np.linalg.norm(G @ self.factor, axis=1))
+
+    def std_of_fit(self, gradient: np.ndarray) -> float:
+        """The same of one quantity with a gradient over the parameters of the fit."""
+        wide = np.zeros(len(self.theta))
+        wide[self.own] = gradient
+        return float(self.std_of(wide)[0])
 
     def note_of(self, gradient: np.ndarray) -> str:
         """Why one of the quantities with gradient (m, P) is undetermined; '' if all are determined."""
@@ -125,7 +135,7 @@ def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> In
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
     if lags == TESTED:
         lags = "auto" if _coloured(fit, data) else None
-    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init)
+    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init, smoothing=fit.smoothing)
 
 
 def _coloured(fit: "Fit", data: IOData) -> bool:
@@ -144,33 +154,48 @@ def information_at(
     n_init: int = 50,
     noise_variance: float | None = None,
     noise: NoiseModel | None = None,
+    smoothing: np.ndarray | None = None,
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
-    A known `noise` instead gives the covariance of least squares under its colour.
+    A known `noise` instead gives the covariance of least squares under its colour. With the `smoothing` (k,) of a fit's
+    finer maps it is that of the posterior: the prior is a sample for each change of slope.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
+    own = np.ones(len(theta), dtype=bool)
+    if smoothing is not None:
+        chain, theta, beyond, own = _wider(chain, theta)
     with one_blas_thread():
         e, J, mask, initial_count = _stack_experiments(chain, theta, data)
         free = chain.basis[:, chain.free]
         at_bound = _bound_mask(chain, theta, (J @ free).T @ e)
         basis, redundant = free[:, ~at_bound], _gauge(chain, theta, free, at_bound)
-        Jp = J @ basis
+        Jp, prior = J @ basis, np.empty((0, basis.shape[1]))
+        moving = np.ones(basis.shape[1], dtype=bool)
+        if smoothing is not None:
+            prior = _prior_rows(chain, smoothing, np.sqrt(float(e @ e) / len(e)) / beyond) @ basis
+            moving = ~held_scales(chain, theta)[chain.free][~at_bound]
         scale = _unit(Jp)
-        _, s, Vt = np.linalg.svd(np.linalg.qr(Jp / scale, mode="r"))
-        keep = s > _EMPTY * s[0] if len(s) and s[0] > 0 else np.zeros(len(s), dtype=bool)
+        prior = _limited(prior / scale)
+        R = np.asarray(np.linalg.qr(Jp / scale, mode="r"))
+        _, s, Vt = np.linalg.svd(np.vstack([R, prior])[:, moving])
+        keep = s > _EMPTY * (np.linalg.norm(R, 2) if R.size else 1.0)
+        directions = np.zeros((len(moving), len(Vt)))
+        directions[moving] = Vt.T
         redundant = np.linalg.qr(redundant * scale[:, None])[0]
-        weights, V = basis / scale, Vt[keep].T / s[keep]
-        dof = float(mask.sum()) - int(keep.sum()) - initial_count
+        weights, V = basis / scale, directions[:, : len(s)][:, keep] / s[keep]
+        seen = (Jp / scale) @ V
+        dof = float(mask.sum()) - float(np.sum(seen**2)) - initial_count  # without a prior its columns have norm 1
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
-        factor, bandwidth = np.sqrt(sigma2) * (weights @ V), None
+        root, bandwidth = np.sqrt(sigma2) * np.eye(V.shape[1]), None
         if noise is not None:
-            factor = weights @ V @ noise.root((Jp / scale) @ V, data.lengths)
+            root = _with_prior(noise.root(seen, data.lengths), prior @ V, sigma2)
         elif lags is not None:
-            root, bandwidth = long_run_covariance_root(e, (Jp / scale) @ V, data.lengths, lags)
-            factor = np.sqrt(mask.sum() / max(dof, 1.0)) * (weights @ V @ root)
-        null = Vt[~keep].T
+            root, bandwidth = long_run_covariance_root(e, seen, data.lengths, lags)
+            root = _with_prior(np.sqrt(mask.sum() / max(dof, 1.0)) * root, prior @ V, sigma2)
+        factor = weights @ V @ root
+        null = np.delete(directions, np.flatnonzero(keep), axis=1)
         null_directions, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
     return Information(
         chain=chain,
@@ -185,7 +210,45 @@ def information_at(
         dof=max(dof, 1.0) if noise_variance is None and noise is None else np.inf,
         lags=bandwidth,
         n_init=n_init,
+        own=own,
     )
+
+
+def _wider(chain: Chain, theta: np.ndarray) -> tuple[Chain, np.ndarray, np.ndarray, np.ndarray]:
+    """The chain with places beyond the range of every finer map, theta there, a deviation (m,) for each end, and `own`.
+
+    The record does not show a map's slope beyond its range. It has a normal distribution around the last slope inside.
+    """
+    blocks, parts, beyond, own = [], [], list[float](), []
+    for block in chain.blocks:
+        part = chain.part(theta, block)
+        change = block.wider(part) if chain.free[chain.index(block)].all() else None
+        blocks.append(block if change is None else change[0])
+        parts.append(part if change is None else change[1])
+        beyond += [] if change is None else 2 * [_BEYOND * change[2]]
+        own.append(np.pad(np.ones(len(part), dtype=bool), 0 if change is None else 1))
+    return replace(chain, blocks=tuple(blocks)), np.concatenate(parts), np.array(beyond), np.concatenate(own)
+
+
+def _prior_rows(chain: Chain, smoothing: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """The samples (k, P) of the prior of all changes of slope; weights inside (k - m,) and at the ends (m,)."""
+    weights, k = list[np.ndarray](), 0
+    for i, block in enumerate(b for b in chain.blocks if len(b.slope_changes())):
+        n = len(block.slope_changes()) - 2
+        weights.append(np.concatenate([ends[2 * i : 2 * i + 1], smoothing[k : k + n], ends[2 * i + 1 : 2 * i + 2]]))
+        k += n
+    return np.concatenate(weights)[:, None] * slope_changes(chain)
+
+
+def _limited(prior: np.ndarray) -> np.ndarray:
+    """Samples (k, n) of a prior, none above `_FIRMEST`: firmer ones leave rounding of the others."""
+    size = np.linalg.norm(prior, axis=1, keepdims=True)
+    return np.asarray(prior * (np.minimum(size, _FIRMEST) / np.where(size > 0.0, size, 1.0)))
+
+
+def _with_prior(root: np.ndarray, prior: np.ndarray, noise_variance: float) -> np.ndarray:
+    """A root (m, r) of the covariance of scores, with that of the samples (k, m) of a prior."""
+    return np.hstack([root, np.sqrt(noise_variance) * prior.T])
 
 
 def _stack_experiments(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:

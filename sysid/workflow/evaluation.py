@@ -8,22 +8,26 @@ import numpy as np
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
+from sysid.base.poles import Motion, motion
 from sysid.block.block import StaticBlock
 from sysid.blocks import Channels
 from sysid.blocks.offset import is_offset
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
+from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
 from sysid.joint.values import joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
+from sysid.model.chain import Chain
 from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.solver.iterate import Options
-from sysid.uncertainty import intervals
+from sysid.uncertainty import bands, intervals
+from sysid.uncertainty.bands import OutputBand
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks
@@ -51,10 +55,14 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         result = evaluate_fit(setting, growth.fit, estimation, validation, physical=joint.joint)
         return replace(result, growth=growth, joint=joint, notes=(*result.notes, *growth.warnings, *missing))
     if start is not None:
-        options["start"] = start
+        saved = setting.held.start
+        same = saved is not None and isinstance(model, Chain) and model.blocks == saved.model.blocks
+        options["start"] = replace(saved, model=model, theta=start) if saved is not None and same else start
     if setting.seconds < np.inf:
         iterations = NETWORK_ITERATIONS if isinstance(model, Nlarx) else Options.max_iterations
         options["options"] = Options(max_iterations=iterations, max_seconds=setting.seconds)
+    if isinstance(model, Chain):
+        options["objective"] = Objective(knots=setting.knots)
     try:
         fit = fit_model(model, estimation, search=setting.search, **options)
     except InputError as error:
@@ -110,6 +118,8 @@ def evaluate_fit(
         notes += extrapolated_joint(chain, estimation, validation)
     else:
         notes += extrapolated_signals(estimation, validation)
+    coloured = tests is not None and not tests.white
+    roots, band = _uncertainty(chain, estimation, validation, coloured) if chain else (None, None)
     return Evaluation(
         setting=setting,
         fit=fit,
@@ -123,12 +133,13 @@ def evaluate_fit(
         higher=higher,
         step=step,
         maps=_maps(chain, estimation) if chain else {},
-        roots=_roots(chain, estimation, coloured=tests is not None and not tests.white) if chain else None,
+        roots=roots,
         one_step=_one_step(network, estimation, validation) if network else None,
         values=joint_values(chain, data=estimation, **physics) if chain and physics is not None else (),
         notes=tuple(notes),
         inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
         outputs=_outputs(chain, estimation, validation, output_fits, output_tests) if chain and several else (),
+        band=band,
     )
 
 
@@ -199,14 +210,19 @@ def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
     )
 
 
-def _roots(fit: Fit, data: IOData, coloured: bool) -> tuple[Root, ...] | None:
-    """Poles with intervals that allow for coloured residuals; None if they cannot be computed."""
+def _uncertainty(
+    fit: Fit, estimation: IOData, validation: IOData, coloured: bool
+) -> tuple[tuple[Root, ...] | None, OutputBand | None]:
+    """Poles with intervals that allow for coloured residuals, and the band of the validation run; None without one."""
     if not fit.model.dynamics:
-        return None
+        return None, None
     try:
-        return intervals.poles(information(fit, data, lags="auto" if coloured else None))
+        info = information(fit, estimation, lags="auto" if coloured else None)
+        roots = intervals.poles(info)
+        free_run = motion(fit.poles) != Motion.UNSTABLE and len(validation.experiments) == 1
+        return roots, bands.linear(info, validation, noise=True) if free_run else None
     except InputError:
-        return None
+        return None, None
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:

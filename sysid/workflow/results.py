@@ -17,6 +17,7 @@ from sysid.joint.values import JointValue, displayed_value
 from sysid.joint.verdict import Verdict
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import Selection
+from sysid.uncertainty.bands import OutputBand
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
@@ -81,7 +82,8 @@ class Evaluation:
     with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
     maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
     that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the fits means over the
-    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst.
+    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst. `band` is that of the
+    validation run, from the noise and from what the estimation data leave open of the model; None where they give none.
     """
 
     setting: Setting
@@ -104,6 +106,16 @@ class Evaluation:
     notes: tuple[str, ...] = ()
     inputs: tuple[tuple[str, str], ...] = ()
     outputs: tuple[OneOutput, ...] = ()
+    band: OutputBand | None = None
+
+    @property
+    def held(self) -> float:
+        """The share of the measured validation samples that `band` holds, without those that give its initial state."""
+        assert self.band is not None
+        y, scored = self.validation.y[:, 0], self.validation.observed[:, 0].copy()
+        scored[: self.fit.n_init] = False
+        inside = (self.band.lower <= y) & (y <= self.band.upper)
+        return float(np.mean(inside[scored])) if scored.any() else np.nan
 
     @property
     def linear(self) -> bool:
@@ -163,6 +175,8 @@ class Evaluation:
                     for name in ("real", "imag", "modulus", "time_constant")
                 }
                 row["note"] = root.note
+        if self.band is not None:
+            summary["band"] = {"level": self.band.level, "held": self.held}
         if self.one_step is not None:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
         if self.values:

@@ -12,6 +12,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.channels.conversion import convert
 from sysid.data.record import IOData
+from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts._start import clip_to_bounds, start_maps
 from sysid.fitting import load
@@ -157,7 +158,7 @@ def started(chain: Chain, start: Fit, data: IOData) -> tuple[Chain, np.ndarray]:
     """
     saved_chain = start.model
     if saved_chain.structure == chain.structure and (
-        saved_chain.blocks == chain.blocks or _same_space(saved_chain, chain)
+        saved_chain.asked == chain.blocks or _same_space(saved_chain, chain)
     ):
         return replace(saved_chain, fixed=chain.fixed, bounds=chain.bounds), start.theta
     linear = [block for block in chain.blocks if not isinstance(block, (StaticBlock, Channels))]
@@ -246,7 +247,7 @@ def _orders(chain: Chain) -> str:
 @dataclass(frozen=True)
 class Setting:
     """The model and its fit: a recipe of `sysid.structures` with settings, a search, starts and seed, and what is
-    `held` of it. After `seconds` the fit ends with the best so far.
+    `held` of it. After `seconds` the fit ends with the best so far. `knots` is that of `sysid.Objective`.
 
     Raises InputError for an unknown search or seconds that are not positive, before any work.
     """
@@ -257,12 +258,14 @@ class Setting:
     seed: int = 0
     held: Held = field(default_factory=Held)
     seconds: float = math.inf
+    knots: int = Objective.knots
 
     def __post_init__(self) -> None:
         if self.search not in SEARCHES:
             raise unknown("search", self.search, SEARCHES)
         if not self.seconds > 0.0:
             raise InputError(f"seconds is {self.seconds:g}; give a positive number, or leave it out")
+        Objective(knots=self.knots)  # raises
 
     def as_dict(self) -> dict[str, Any]:
         """The setting by option name; both maps are included, None for the default or if there is no such map."""
@@ -274,6 +277,7 @@ class Setting:
             "search": self.search,
             "starts": self.starts,
             "seed": self.seed,
+            **({"knots": self.knots} if self.knots != Objective.knots else {}),
             **self.held.as_dict(),
             **({"seconds": self.seconds} if self.seconds < math.inf else {}),
         }

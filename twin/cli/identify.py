@@ -73,6 +73,9 @@ def identify(
     ] = None,
     starts: Annotated[int | None, options.whole_number("N", f"number of starting points [{STARTS}]")] = None,
     seed: Annotated[int, options.whole_number("N", "seed of the random starting points")] = 0,
+    knots: Annotated[
+        int | None, options.whole_number("N", "break points of a piecewise linear map; 0: ten free ones [50]")
+    ] = None,
     resume: Annotated[
         str | None, typer.Option(metavar="FILE", help="journal of --structure auto; a stopped search continues from it")
     ] = None,
@@ -92,7 +95,7 @@ def identify(
     Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
     """
     constraints = _constraints(fix or (), bound or (), start)
-    steps = (search, starts, options.seed(seed))
+    steps = (search, starts, options.seed(seed), knots)
     setting = _setting(structure, settings, steps, constraints, resume, seconds, scheduler)
     from sysid.data.preparation import Preparation
     from sysid.report import identify as report
@@ -163,17 +166,18 @@ def _constraints(fix: Sequence[str], bound: Sequence[str], start: str | None) ->
 def _setting(
     structure: str | None,
     settings: dict[str, Any],
-    steps: tuple[str, int | None, int],
+    steps: tuple[str, int | None, int, int | None],
     constraints: "Held",
     resume: str | None,
     seconds: float | None,
     scheduler: str | None,
 ) -> "Setting | Auto":
     """How to fit, or how to search a structure; raises InputError for options that do not go together."""
+    from sysid.estimation.objective import Objective
     from sysid.workflow.identification import Auto
     from sysid.workflow.setting import Setting
 
-    search, starts, seed = steps
+    search, starts, seed, knots = steps
     limit = options.budget(seconds)
     count = STARTS if starts is None else starts
     if structure == AUTO:
@@ -183,6 +187,8 @@ def _setting(
                 f"--fix, --bound and --from are of one structure, and --structure {AUTO} searches it; leave them out "
                 "or name a structure"
             )
+        if knots is not None:
+            raise InputError(f"--knots is of one structure, and --structure {AUTO} searches it; leave --knots out")
         journal = None if resume is None else Path(resume)
         return Auto(search, count, seed, journal, scheduler, SECONDS if seconds is None else seconds)
     verb_text = f"--structure {structure or recipes.DEFAULT}; only --structure {AUTO}"
@@ -190,9 +196,12 @@ def _setting(
         raise InputError(f"--resume is given with {verb_text} keeps a journal")
     if scheduler is not None:
         raise InputError(f"--scheduler is given with {verb_text} has jobs for it")
+    count_of_knots = Objective.knots if knots is None else knots
     if constraints.start is None:
-        return Setting(recipes.recipe(structure or recipes.DEFAULT, settings), search, count, seed, constraints, limit)
+        recipe = recipes.recipe(structure or recipes.DEFAULT, settings)
+        return Setting(recipe, search, count, seed, constraints, limit, count_of_knots)
     if starts is not None:
         raise InputError("--starts and --from are given; a saved fit is the only start: leave one of the two out")
     structure = structure or constraints.start.model.structure
-    return Setting(recipes.recipe(structure, settings, constraints.start), search, 1, seed, constraints, limit)
+    recipe = recipes.recipe(structure, settings, constraints.start)
+    return Setting(recipe, search, 1, seed, constraints, limit, count_of_knots)

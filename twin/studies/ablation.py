@@ -204,7 +204,8 @@ def _paper_row(name: str, log: Log, setting: Setting) -> Row:
     estimation, validation = quick_start(log.io())
     try:
         model = setting.recipe.model()
-        fit = sysid.fit(model, estimation, search=setting.search, starts=setting.starts, seed=setting.seed)
+        objective = sysid.Objective(knots=setting.knots)
+        fit = sysid.fit(model, estimation, setting.search, setting.starts, setting.seed, objective=objective)
     except InputError as error:  # without friction or stops a joint may leave any reasonable range
         return Row(name, None, reason=str(error))
     best_percent = ceiling(log, slice(estimation.N + fit.n_init, None))

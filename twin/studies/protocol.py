@@ -32,7 +32,7 @@ DURATION = 250.0  # [s]: 2 x 1,250 samples, as the paper's ratio of FPE to loss 
 SHORTEST = 60.0  # [s]: with less, the halves have too few samples for the largest of the models
 TRUTH_TOLERANCE = 1e-3  # |z|, between the compiled model's poles and the closed form
 NLARX = Setting(NonlinearArx(2, 2, 1), "lm", starts=3)  # with a wavelet network, fitted one step ahead
-DEFAULT = Setting(HammersteinWiener(2, 3, 1, "piecewise_linear", "piecewise_linear"), "auto")
+DEFAULT = Setting(HammersteinWiener(2, 3, 1, "piecewise_linear", "piecewise_linear"), "auto", knots=0)
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class PaperRow:
 PAPER: dict[str, PaperRow] = {
     "shoulder": PaperRow(
         "Joint 1 shoulder",
-        Setting(HammersteinWiener(3, 3, 1, "sigmoid_network", "piecewise_linear"), "lm"),
+        Setting(HammersteinWiener(3, 3, 1, "sigmoid_network", "piecewise_linear"), "lm", knots=0),
         71.06,
         0.054,
         0.04841,
@@ -58,7 +58,7 @@ PAPER: dict[str, PaperRow] = {
     ),
     "thigh": PaperRow(
         "Joint 2 thigh",
-        Setting(HammersteinWiener(2, 2, 1, "saturation", "piecewise_linear"), "auto"),
+        Setting(HammersteinWiener(2, 2, 1, "saturation", "piecewise_linear"), "auto", knots=0),
         79.14,
         0.101,
         0.09762,
@@ -66,7 +66,7 @@ PAPER: dict[str, PaperRow] = {
     ),
     "shank": PaperRow(
         "Joint 3 shank",
-        Setting(HammersteinWiener(3, 1, 3, "saturation", "piecewise_linear"), "gna"),
+        Setting(HammersteinWiener(3, 1, 3, "saturation", "piecewise_linear"), "gna", knots=0),
         71.35,
         0.1271,
         0.1228,

@@ -106,7 +106,7 @@ class NearestMap:
 def as_block(block: StaticBlock, knots: np.ndarray, values: np.ndarray, sample_mass: np.ndarray) -> NearestMap:
     """The map nearest to the curve `values` (k,) at the places `knots` (k,), weighed by `sample_mass` (k,)."""
     if isinstance(block, PiecewiseLinear) and block.free_knots:
-        places = _spread_places(thin_places(knots, values, sample_mass, block.knots), block.knots)
+        places = _spread_places(thin_places(knots, values, sample_mass, block.n), block.n)
         return NearestMap(np.concatenate([places, np.interp(places, knots, values)]))
     x = np.linspace(knots[0], knots[-1], 8 * len(knots))
     y = np.interp(x, knots, values)

@@ -55,12 +55,12 @@ def move_breakpoints(
         lin = _damped_problem(e, J, filter_rows, place)
         n = len(filter_rows)
         M, z = lin.R[n:, n:], lin.z[n:] + lin.R[n:, n:] @ values[place]
-        best_polygon = _best_polygon(M, z, places, theta[at][: block.knots], least)
+        best_polygon = _best_polygon(M, z, places, theta[at][: block.n], least)
         if best_polygon is None or best_polygon[0] <= best:
             continue
         best, fresh = best_polygon[0], theta.copy()
         fresh[at] = best_polygon[1]
-        change = np.interp(places, best_polygon[1][: block.knots], best_polygon[1][block.knots :]) - values[place]
+        change = np.interp(places, best_polygon[1][: block.n], best_polygon[1][block.n :]) - values[place]
         step = np.zeros(len(values))
         step[filter_rows] = solve_triangular(lin.R[:n, :n], lin.z[:n] - lin.R[:n, n:] @ change)
         fresh[filter_places] += (fine.basis @ step)[filter_rows]
@@ -90,7 +90,7 @@ def _refine_curves(chain: Chain, theta: np.ndarray, record: IOData, near: bool) 
     def curve(block: Block, part: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         if not isinstance(block, PiecewiseLinear) or block not in movable:
             return None
-        breakpoints = part[: block.knots]
+        breakpoints = part[: block.n]
         low, high = float(x.min()), float(x.max())
         knots = np.concatenate([_close(breakpoints) if near else curves.places(x, _FINE), breakpoints, [low, high]])
         knots = np.sort(knots[(knots >= low) & (knots <= high)])
