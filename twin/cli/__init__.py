@@ -35,16 +35,15 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
 
         from sysid.base.errors import InputError
         from twin.cli import results
-        from twin.cli.app import build
+        from twin.cli.app import command
         from twin.cli.console import Interruption
 
-        verbs = build()
         stay_ignored()
     results.begin()
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        with _named_shell(words):
-            code = verbs(words or ["--help"], prog_name="qpal", standalone_mode=False)
+        with _named_shell(words) as named:
+            code = command(named)(words or ["--help"], prog_name="qpal", standalone_mode=False)
         environment.flush()
     except (KeyboardInterrupt, Interruption) as stopped:
         stopping.finish()
@@ -90,17 +89,17 @@ def _fail(sentence: str) -> int:
 
 
 @contextmanager
-def _named_shell(words: Sequence[str]) -> Iterator[None]:
+def _named_shell(words: Sequence[str]) -> Iterator[bool]:
     """`--show-completion zsh` names a shell, where typer would look for the one that it runs in and ignore the name.
 
-    Typer has options that take the name too; this variable selects them.
+    Typer has options that take the name too; this variable selects them while the command line is built.
     """
     name = "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION"
     if len(words) != 2 or words[0] not in ("--show-completion", "--install-completion") or name in os.environ:
-        yield
+        yield False
         return
     os.environ[name] = "1"
     try:
-        yield
+        yield True
     finally:
         del os.environ[name]

@@ -1,5 +1,6 @@
 """The table of verbs."""
 
+from functools import cache
 from typing import Annotated, Any
 
 import typer
@@ -74,3 +75,9 @@ def build() -> typer.Typer:
         app.command(cls=_Verb)(verb)
     app.add_typer(bench.build())
     return app
+
+
+@cache
+def command(named_shell: bool) -> Any:
+    """The command line built, once in a process for each answer to whether `_named_shell` of `twin.cli` acts."""
+    return typer.main.get_command(build())
