@@ -1,5 +1,6 @@
 """What all tests share: where public records lie, and how long statistical runs are."""
 
+import base64
 import os
 import signal
 import sys
@@ -18,6 +19,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and tests of Ctrl-C would send it to the deaf
 
 RECORDS = Path(os.environ.get("QPAL_RECORDS") or Path(__file__).resolve().parents[2] / "shared" / "data")
+
+BLANK = base64.b64decode("iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAAAAAA6fptVAAAACklEQVR42mP4DwABAQEAHLCMmQAAAABJRU5ErkJggg==")
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +43,15 @@ def _figures_are_closed() -> Iterator[None]:
     yield
     if pyplot := sys.modules.get("matplotlib.pyplot"):
         pyplot.close("all")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _pictures_are_blank(request: pytest.FixtureRequest) -> Iterator[None]:
+    """By day figures are built, not rendered, which takes longer than most fits; `pixels` marks who looks at them."""
+    with pytest.MonkeyPatch.context() as patch:
+        if not FULL and not request.node.get_closest_marker("pixels"):
+            patch.setattr("sysid.base.style.png", lambda drawn: BLANK)
+        yield
 
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures

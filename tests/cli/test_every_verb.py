@@ -14,6 +14,8 @@ import twin
 from twin.cli import app, main
 from twin.studies import protocol
 
+pytestmark = pytest.mark.pixels
+
 GROUP = typer.main.get_command(app.build()).commands  # `bench` among them, whose verbs have their own tests
 COMMANDS = {verb.__name__: GROUP[verb.__name__] for verb in app.VERBS}
 REPORTING = [verb.__name__ for verb in app.VERBS if verb not in app.SHOWN]

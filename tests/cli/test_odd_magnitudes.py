@@ -11,6 +11,8 @@ from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from twin.cli import main, recipes
 
+pytestmark = pytest.mark.pixels
+
 
 def record(u_unit=1.0, y_unit=1.0):
     """Input and output (300,) of a filter with one pole."""

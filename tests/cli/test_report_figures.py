@@ -14,6 +14,8 @@ from sysid.workflow.identification import identify_file
 from sysid.workflow.saved import Exports
 from sysid.workflow.setting import Setting
 
+pytestmark = pytest.mark.pixels
+
 SETTINGS = {
     "hammerstein_wiener": Setting(HammersteinWiener(2, 2, 1), starts=1),
     "output_error": Setting(OutputError(2, 2, 1), starts=1),

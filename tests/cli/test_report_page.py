@@ -25,6 +25,8 @@ from sysid.workflow.results import NextStep
 from sysid.workflow.saved import Exports
 from sysid.workflow.setting import Setting
 
+pytestmark = pytest.mark.pixels
+
 VOID = {"meta", "img", "br", "link", "hr", "input"}
 NOTHING = b"\x89PNG"
 

@@ -22,6 +22,8 @@ from twin.view import pictures, stills
 from twin.view.replay import Replay, movement
 from twin.view.viewer import check_port
 
+pytestmark = pytest.mark.pixels
+
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="about X11 and /proc")
 
 

@@ -19,6 +19,8 @@ from sysid.report import inspection
 from sysid.uncertainty import responses
 from twin.report import calibrate, compare_figures
 
+pytestmark = pytest.mark.pixels
+
 
 def bode():
     from sysid.systems import system

@@ -16,6 +16,8 @@ from sysid import plots
 from sysid.base import style
 from sysid.base.looks import for_a_person
 
+pytestmark = pytest.mark.pixels
+
 ODD = {
     "text.usetex": True,
     "font.family": ["NoSuchFont"],

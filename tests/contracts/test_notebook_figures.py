@@ -14,6 +14,8 @@ from sysid import plots
 from sysid.base import style
 from sysid.data.preprocess import detrend
 
+pytestmark = pytest.mark.pixels
+
 mpl.use("Agg")
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -18,6 +18,8 @@ from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 from sysid.uncertainty.information import UNEXCITED
 
+pytestmark = pytest.mark.pixels
+
 mpl.use("Agg")
 
 

@@ -12,6 +12,8 @@ from sysid.diagnosis.residuals import residual_tests
 from sysid.drawing.axes import draw
 from twin.report import calibrate, compare_figures, leg
 
+pytestmark = pytest.mark.pixels
+
 
 @style.styled
 def sheet(title, names, columns=1):

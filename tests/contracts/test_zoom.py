@@ -37,6 +37,8 @@ from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import poles
 from sysid.workflow.results import OneStep
 
+pytestmark = pytest.mark.pixels
+
 DEG = 180.0 / np.pi
 
 

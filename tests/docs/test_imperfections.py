@@ -11,6 +11,8 @@ from twin import IMPERFECTIONS, JOINTS
 from twin.parameters import TABLE as ROWS
 from twin.signatures import TABLE, signatures
 
+pytestmark = pytest.mark.pixels
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 

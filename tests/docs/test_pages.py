@@ -20,6 +20,8 @@ from typer.exceptions import TyperException
 from twin.cli import main
 from twin.cli.app import build
 
+pytestmark = pytest.mark.pixels
+
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = sorted(path.name for path in DOCS.glob("*.md"))

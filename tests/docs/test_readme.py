@@ -12,6 +12,8 @@ from twin.cli import main
 from twin.report import actuated_joint, reproduce
 from twin.studies import protocol
 
+pytestmark = pytest.mark.pixels
+
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FAR = 20.0  # [%] below the ceiling: a model that does not describe the record

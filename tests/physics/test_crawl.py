@@ -19,6 +19,8 @@ from twin.robot.walk import drive, feedforward_references
 from twin.view import pictures
 from twin.view.stills import NoRenderer
 
+pytestmark = pytest.mark.pixels
+
 CYCLE = Gait(cycles=1)
 
 

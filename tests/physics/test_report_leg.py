@@ -11,6 +11,8 @@ from twin.report import leg
 from twin.robot.kinematics import body
 from twin.view.stills import mid_stroke
 
+pytestmark = pytest.mark.pixels
+
 
 @pytest.fixture(scope="module")
 def lengths():
