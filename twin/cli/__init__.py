@@ -35,7 +35,7 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
 
         from sysid.base.errors import InputError
         from twin.cli import results
-        from twin.cli.app import command
+        from twin.cli.app import command_line
         from twin.cli.console import Interruption
 
         stay_ignored()
@@ -43,7 +43,7 @@ def _run(arguments: Sequence[str] | None, stopping: Stopping) -> int:
     words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _named_shell(words) as named:
-            code = command(named)(words or ["--help"], prog_name="qpal", standalone_mode=False)
+            code = command_line(named)(words or ["--help"], prog_name="qpal", standalone_mode=False)
         environment.flush()
     except (KeyboardInterrupt, Interruption) as stopped:
         stopping.finish()

@@ -78,6 +78,6 @@ def build() -> typer.Typer:
 
 
 @cache
-def command(named_shell: bool) -> Any:
+def command_line(named_shell: bool) -> Any:
     """The command line built, once in a process for each answer to whether `_named_shell` of `twin.cli` acts."""
     return typer.main.get_command(build())
