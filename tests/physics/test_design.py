@@ -1,6 +1,7 @@
 """Designed experiments keep their promise under noise, on every joint and with every excitation, or say why not."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from sysid.excitations import TABLE
 from twin import JOINTS, Experiment, Parameters, truth
 from twin.design import QUIET, fit_stroke
 
-# Every excitation on the quickest joint, three on one of the others, and all on all by night.
-SLOW = ("aprbs", "thigh"), ("multisine", "thigh"), ("sweep", "shank")
+# Every excitation on the quickest joint, two on one of the others, and all on all by night.
+SLOW = ("aprbs", "thigh"), ("sweep", "shank")
 CASES = [
     (excitation, joint)
     for excitation in sorted(TABLE)
@@ -26,6 +27,11 @@ DURATION = {"shoulder": 20.0, "thigh": 50.0, "shank": 50.0}
 def planned(joint, excitation, **changes):
     settings = {"duration": DURATION[joint], "seed": 3} | changes
     return Experiment(joint=joint, excitation=excitation, **settings)
+
+
+@cache  # several tests look at the same design
+def inside(joint, excitation):
+    return fit_stroke(planned(joint, excitation))
 
 
 def travel(experiment):
@@ -42,7 +48,7 @@ def noisier(experiment):
 
 @pytest.mark.parametrize(("excitation", "joint"), CASES)
 def test_inside_stays_inside_and_uses_the_stroke(joint, excitation):
-    designed = fit_stroke(planned(joint, excitation))
+    designed = inside(joint, excitation)
     for experiment in (designed, noisier(designed)):
         low, high = travel(experiment)
         # 5 % is promised of the true angle; a potentiometer of 0.1 % linearity and late samples show 1 % more or less.
@@ -78,13 +84,12 @@ def test_what_serves_already_is_left_alone(joint):
 
 
 def test_the_design_is_one_and_the_same_every_time():
-    experiment = planned("thigh", "aprbs")
-    assert fit_stroke(experiment).options == fit_stroke(experiment).options
+    assert fit_stroke(planned("thigh", "aprbs")).options == inside("thigh", "aprbs").options
 
 
 def test_a_reach_keeps_the_amplitude():
     """Levels are reordered instead of shrunk: what is left of 12 V is what the offset does not take."""
-    signal = fit_stroke(planned("thigh", "aprbs")).signal()
+    signal = inside("thigh", "aprbs").signal()
     assert signal.amplitude == pytest.approx(12.0 - abs(signal.offset), rel=1e-3)
     assert signal.reach > 0
 
@@ -98,7 +103,7 @@ def test_offset_carries_the_load():
 
 def test_a_smaller_margin_never_uses_less():
     used = []
-    for margin in (0.0, 0.1, 0.2):
+    for margin in (0.0, 0.2):
         low, high = travel(
             fit_stroke(
                 planned("shank", "multisine", options={"f_min": 0.02, "f_max": 0.2, "period": 40.0}), margin=margin
@@ -108,7 +113,6 @@ def test_a_smaller_margin_never_uses_less():
         assert high < 1 - margin + 0.01
         used.append(high - low)
     assert used[0] >= used[1] - 0.1  # the search stops within 15 % of what fits
-    assert used[1] >= used[2] - 0.1
 
 
 @pytest.mark.parametrize("joint", ["shoulder", "thigh"])

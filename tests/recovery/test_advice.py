@@ -4,6 +4,8 @@ A rate of 1 % over R seeds has the standard error sqrt(0.01 * 0.99 / R); tests a
 that are not Gaussian run at 1 to 2.5 %, and 3.5 % is the limit that is held here.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from often import FULL
@@ -67,9 +69,17 @@ PLANTS = {
 }
 
 
+BY_DAY = {("coloured", white), ("integrating", held), ("output_error", held), ("slow", white)}  # each plant, each input
+
+
+def by_day(*case):
+    return pytest.param(*case, marks=[pytest.mark.nightly] * (case[:2] not in BY_DAY))
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("excitation", [white, held])
-@pytest.mark.parametrize("plant", sorted(PLANTS))
+@pytest.mark.parametrize(
+    ("plant", "excitation"), [by_day(plant, u) for plant, u in itertools.product(PLANTS, [white, held])]
+)
 def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
     """No bend, no feedback, no drift, and the interval holds the true delay."""
     make, nk = PLANTS[plant]
@@ -91,8 +101,8 @@ def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("plant", "excitation", "power"), [
-    ("output_error", white, 0.99), ("output_error", held, 0.99), ("coloured", white, 0.99), ("coloured", held, 0.99),
-    ("slow", white, 0.99), ("slow", held, 0.85),
+    by_day("output_error", white, 0.99), by_day("output_error", held, 0.99), by_day("coloured", white, 0.99),
+    by_day("coloured", held, 0.99), by_day("slow", white, 0.99), by_day("slow", held, 0.85),
 ])  # fmt: skip
 def test_delay_is_found(plant, excitation, power):
     make, nk = PLANTS[plant]

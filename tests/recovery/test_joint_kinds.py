@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from often import FULL
 
 import sysid
 from sysid.base.errors import InputError
@@ -69,7 +70,7 @@ def test_a_drawn_joint_comes_back(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_nineteen_of_twenty_drawn_joints_come_back(kind, seeds):
-    ratios = [found(kind, 100 + seed)[0] for seed in seeds]
+    ratios = [found(kind, 100 + seed)[0] for seed in (seeds if FULL else seeds[::3])]
     assert np.mean(np.array(ratios) < 1.1) >= 0.95, ratios
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from often import FULL
 
 import sysid
 from sysid.base.criteria import fit_percent
@@ -100,7 +101,7 @@ def test_a_fit_of_the_mirror_image_of_a_record_is_the_mirror_image_of_the_fit(na
     u, y = nonlinear()
     model, options = STRUCTURES[name], sysid.Options(max_iterations=4)
     plain = sysid.fit(model, sysid.IOData(u, y), starts=1, options=options)
-    for a, b in SIGNS:
+    for a, b in SIGNS if FULL else SIGNS[1::2]:
         turned = with_knots(model, b) if name == "fixed knots" else model  # these are values of the output
         fit = sysid.fit(turned, sysid.IOData(a * u, b * y), starts=1, options=options)
         losses, expected = ([row["loss"] / size for row in each.history] for each, size in ((fit, b**2), (plain, 1.0)))
@@ -164,7 +165,7 @@ def test_a_record_of_several_channels_is_one_with_its_mirror_images():
             )
 
 
-@pytest.mark.parametrize("factor", [2.0**-7, 1e3, 0.1, 3600.0])
+@pytest.mark.parametrize("factor", [2.0**-7, 3600.0, *([1e3, 0.1] if FULL else [])])
 def test_the_sampling_time_changes_no_discrete_model(factor):
     u, y = nonlinear()
     for name in ("output_error", "dead_zone", "piecewise_linear", "state_space", "simulation"):
