@@ -71,6 +71,7 @@ def test_the_same_to_zoom(removed):
         validation_output=run,
         validation_fit=96.0,
         one_step=None,
+        band=None,
     )
     measured, model, error, u = plotly(figures.joined_figure(e))["data"]
     measured, model, u = ({"y": [v for v in trace["y"] if v is not None]} for trace in (measured, model, u))

@@ -71,6 +71,7 @@ def evaluation(data, fit):
         validation_output=runs[1],
         validation_fit=98.0,
         one_step=one,
+        band=None,
     )
 
 
