@@ -22,6 +22,7 @@ from sysid.blocks import (
     DeadZoneSaturation,
     Delay,
     FrictionLag,
+    Innovations,
     LimitedIntegrator,
     Motor,
     Offset,
@@ -45,6 +46,7 @@ from sysid.blocks import (
 from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, Sweep
 from sysid.structures import (
     ActuatedJoint,
+    Armax,
     CoupledDrives,
     Hammerstein,
     HammersteinWiener,
@@ -106,6 +108,10 @@ BLOCKS = {
         np.array([1.4, 0.3, 0.25, 0.35, 0.2]),
     ),
     "friction_lag": (FrictionLag(role="map"), np.array([0.3, 0.1, 0.2, 0.6, 0.15])),
+    "innovations": (  # b, f with a pole outside the unit circle, x0, c
+        Innovations(nb=2, nf=2, nk=1, role="map"),
+        np.array([0.8, 0.5, -1.65, 0.63, 0.3, -0.4, -0.9, 0.3]),
+    ),
     "limited_integrator": (LimitedIntegrator(role="map"), np.array([0.3, -0.6, 0.5, 0.1])),
     "motor": (  # gain, lag, rise, fall, load0, delay, lower, upper, x0, v0
         Motor(role="map"),
@@ -308,6 +314,7 @@ ROBOT = {"robot.mcap": ("log.u", "log.y"), "robot.bag": ("log.x", "log.y"), "rob
 # A recipe of each structure, with orders and maps.
 STRUCTURES = {
     "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01, load="spring", stops="lower"),
+    "armax": Armax(2, 2, 1, "saturation"),
     "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),

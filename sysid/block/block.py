@@ -47,6 +47,7 @@ class Block(ABC):
 
     role: str = field(default="block", kw_only=True)
     centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.transforms`
+    predicts: ClassVar[bool] = False  # whether it predicts measured outputs where it is the last of a chain
 
     def __getstate__(self) -> dict[str, Any]:
         """Its fields: compiled kernels are made anew where a copy or another process needs them."""
@@ -75,6 +76,12 @@ class Block(ABC):
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """The same for a list of channels, each with its own J; single-channel blocks need not override it."""
         return [self.propagate(theta, xs[0], Js[0], q)], Js
+
+    def predict_all(
+        self, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int, y: np.ndarray
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """`propagate_all` of a block that `predicts`, with the measured outputs y (N, ny); others do not use them."""
+        return self.propagate_all(theta, xs, Js, q)
 
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
         """`propagate` piece by piece, carrying the state from one piece to the next, for J (n, P) of every piece.

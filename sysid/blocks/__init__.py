@@ -17,6 +17,7 @@ from sysid.blocks.dead_zone_saturation import DeadZoneSaturation
 from sysid.blocks.delay import Delay
 from sysid.blocks.dynamic import Dynamic, dynamic
 from sysid.blocks.friction_lag import FrictionLag
+from sysid.blocks.innovations import Innovations
 from sysid.blocks.limited_integrator import LimitedIntegrator
 from sysid.blocks.motor import Motor
 from sysid.blocks.offset import Offset
@@ -58,6 +59,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "delay": Delay,
     "dynamic": Dynamic,
     "friction_lag": FrictionLag,
+    "innovations": Innovations,
     "limited_integrator": LimitedIntegrator,
     "motor": Motor,
     "offset": Offset,
@@ -98,6 +100,7 @@ __all__ = [
     "Delay",
     "Dynamic",
     "FrictionLag",
+    "Innovations",
     "LimitedIntegrator",
     "Motor",
     "Offset",

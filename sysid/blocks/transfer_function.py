@@ -44,6 +44,11 @@ class TransferFunction(Block):
         """Length of the initial state."""
         return max(self.nf, self.nk + self.nb - 1)
 
+    @property
+    def states(self) -> slice:
+        """Positions of the initial state in theta, where it is a parameter."""
+        return slice(self.nb + self.nf, self.nb + self.nf + self.n_state)
+
     def slots(self) -> tuple[Slot, ...]:
         b = [Slot(f"b{i}") for i in range(self.nb)]
         f = [Slot(f"f{j + 1}") for j in range(self.nf)]
@@ -52,7 +57,7 @@ class TransferFunction(Block):
 
     def split(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """b (nb,), f (nf,) and the initial state (n_state,) out of theta."""
-        x0 = theta[self.nb + self.nf :] if self.initial_state else np.zeros(self.n_state)
+        x0 = theta[self.states] if self.initial_state else np.zeros(self.n_state)
         return theta[: self.nb], theta[self.nb : self.nb + self.nf], x0
 
     def padded(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -137,6 +142,7 @@ class TransferFunction(Block):
             all_pole(f, impulse, g)
             for i in range(len(x0) if self.initial_state else 0):
                 lagged(g, i, 1.0, J, q + self.nb + self.nf + i)
+            J[:, q + self.states.stop : q + self.n_parameters] = 0.0  # those of an estimator, which no free run has
         return y
 
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:

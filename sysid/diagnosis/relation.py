@@ -117,8 +117,8 @@ def _feedback(u: str, y: str, p: float | None) -> Advice:
         p,
         "output error is biased in a loop: record in open loop, or fit a model that holds the noise too",
         "warning",
-        call="sysid.fit(sysid.structures.nlarx(), data)",
-        command=("identify", "--structure", "nlarx", "--focus", "prediction"),
+        call="sysid.fit(sysid.structures.armax(), data)",
+        command=("identify", "--structure", "armax"),
     )
 
 

@@ -121,10 +121,13 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
 
 
 @checked
-def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
+def residual_tests(
+    e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float = 0.99, past: bool = False
+) -> ResidualTests:
     """Tests on residuals e (N,) for the input u (N,); raises InputError if N does not exceed 2 max_lag.
 
-    A residual of zero everywhere (an exact model) passes both tests.
+    `past`: only earlier inputs are tested, because later ones may come from e by feedback (one step ahead). A residual
+    of zero everywhere (an exact model) passes both tests.
     """
     e, u = np.asarray(e, dtype=float).ravel(), np.asarray(u, dtype=float).ravel()
     N = len(e)
@@ -141,29 +144,34 @@ def residual_tests(e: np.ndarray, u: np.ndarray, max_lag: int = 25, level: float
     wide = min(max(max_lag, int(2 * np.sqrt(N))), N - 1)
     bartlett = 1.0 - np.abs(np.arange(-wide, wide + 1)) / (wide + 1)
     spread = float(np.sum(bartlett * _covariance(e, e, wide) * _covariance(u, u, wide)))
+    tested = slice(max_lag + 1 if past else 0, None)
     return ResidualTests(
         lags=np.arange(max_lag + 1),
         autocorrelation=Re[max_lag:] / scale_e,
         whiteness_bound=z / np.sqrt(N),
-        cross_lags=np.arange(-max_lag, max_lag + 1),
-        cross_correlation=_covariance(e, u, max_lag) / scale,
+        cross_lags=np.arange(-max_lag, max_lag + 1)[tested],
+        cross_correlation=_covariance(e, u, max_lag)[tested] / scale,
         independence_bound=z * float(np.sqrt(max(spread, 0.0) / N)) / scale,
         level=level,
-        independence_p=_independence_p_value(e, u, max_lag),
+        independence_p=_independence_p_value(e, u, max_lag, past),
     )
 
 
-def _independence_p_value(e: np.ndarray, u: np.ndarray, max_lag: int) -> float:
-    """Probability that chance gives correlations of e and u, both whitened, as large at lags -max_lag..max_lag."""
+def _independence_p_value(e: np.ndarray, u: np.ndarray, max_lag: int, past: bool) -> float:
+    """Probability that chance gives correlations of e and u, both whitened, as large at lags -max_lag..max_lag.
+
+    At lags 1..max_lag where `past`.
+    """
     e, u = _whiten(e), _whiten(u)
     N = min(len(e), len(u))
     e, u = e[-N:], u[-N:]
     if not (np.any(e) and np.any(u)):
         return 1.0
     max_lag = min(max_lag, (N - 1) // 3)  # twice as many lags of the input are needed
-    r = _covariance(e, u, max_lag) * np.sqrt(N / (N - np.abs(np.arange(-max_lag, max_lag + 1))))
+    lags = np.arange(1 if past else -max_lag, max_lag + 1)
+    r = _covariance(e, u, max_lag)[-len(lags) :] * np.sqrt(N / (N - np.abs(lags)))
     # Of white e the correlations at lags k and l have the covariance R_e(0) R_u(k - l) / N.
-    values, vectors = np.linalg.eigh(toeplitz(_covariance(u, u, 2 * max_lag)[2 * max_lag :]))
+    values, vectors = np.linalg.eigh(toeplitz(_covariance(u, u, 2 * max_lag)[2 * max_lag :][: len(lags)]))
     keep = values > 1e-3 * values[-1]
     square = np.sum((vectors[:, keep].T @ r) ** 2 / values[keep]) * N / float(np.mean(e**2))
     return float(chdtrc(int(keep.sum()), square))

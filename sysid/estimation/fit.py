@@ -43,7 +43,7 @@ from sysid.estimation.normal import Normal
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.origin import Origin, check_channels, share_explained
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.result import Fit
+from sysid.estimation.result import Fit, check_complete
 from sysid.estimation.search import (
     ENOUGH,
     SAME,
@@ -108,7 +108,7 @@ def fit_chain(
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
-    return replace(fit, warnings=fit.warnings + departs)
+    return replace(fit, warnings=fit.warnings + _unsettled(fit) + departs)
 
 
 def search_starts(context: SearchContext, starts: int | str, seed: int) -> SearchResult:
@@ -192,7 +192,7 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
 
 def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float, ...], ...]:
     """Autoregression of each output's residuals; theta (K, P) has the initial states of each experiment."""
-    runs = [model.outputs(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
+    runs = [model.outputs(theta, e.u, e.y) for theta, e in zip(thetas, data.experiments, strict=True)]
     errors = np.where(data.observed, data.y - np.concatenate(runs), 0.0)
     sizes = np.std(data.y, axis=0)
     return tuple(autoregression(v, data.lengths, float(s)) for v, s in zip(errors.T, sizes, strict=True))
@@ -251,6 +251,8 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
     """Raises InputError for a record that does not suit the model or is too short, and for weights of other outputs."""
     check_channels(model, data)
     check_magnitudes(data)
+    if model.predicts:
+        check_complete(data)
     if objective.weights and len(objective.weights) != data.y.shape[1]:
         raise InputError(f"{len(objective.weights)} weights for {data.y.shape[1]} output(s); give one for each")
     for kind, signals in (("input", data.u), ("output", data.y)):
@@ -284,9 +286,21 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
             f"the data do not determine {', '.join(parameters)}; excite more levels or choose a smaller map"
         )
     poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
-    if motion(poles) != Motion.STABLE:
+    if not model.predicts and motion(poles) != Motion.STABLE:
         warnings.append("a pole lies on the unit circle: the model integrates, or the data drift")
     return tuple(warnings)
+
+
+def _unsettled(fit: Fit) -> tuple[str, ...]:
+    """A warning of a model that predicts and does not settle: its free run says little of it."""
+    if not fit.predicts or fit.settles:
+        return ()
+    largest = float(np.abs(fit.poles).max())
+    state = "the model is not stable" if largest > 1.0 else "the model may integrate"
+    return (
+        f"{state} (largest pole {largest:.5g}): its free run adds up every error, however good it is; the fit that "
+        "counts is that of its prediction, one step and some steps ahead",
+    )
 
 
 def _outside_bounds(model: Chain, theta: np.ndarray) -> list[str]:

@@ -122,7 +122,7 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
     # Without input, x_t stays at `level` if c_t = level * (1 + f1 + ... + ft).
     _, F = linear.padded(chain.part(theta, linear))
     part = rest[chain.index(linear)]
-    part[linear.nb + linear.nf :] = level * np.cumsum(F)[:-1]
+    part[linear.states] = level * np.cumsum(F)[:-1]
     rest[chain.index(linear)] = part
     return rest
 

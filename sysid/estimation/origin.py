@@ -13,6 +13,8 @@ from sysid.base.handlers import Shown, handler
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
+ONE_STEP, FREE_RUN = "one step ahead", "free run"
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 

@@ -20,12 +20,13 @@ ROWS = 4096  # samples of a piece: its Jacobian stays in a processor's cache
 
 @dataclass(frozen=True)
 class ChainProblem:
-    """min over p of the squared free-run errors of all experiments, theta_k = theta0[k] + basis[:, moving] p_k.
+    """min over p of the squared errors of all experiments, theta_k = theta0[k] + basis[:, moving] p_k.
 
     theta0 (K, P) is the point p = 0, one row for each experiment; the rows differ only in the initial states. moving
     (P,) marks the directions of the chain's basis in p. The directions of the first experiment come first (n,), then
     the initial states of the others. Missing samples are left out. `huber_threshold` is in the unit of y; `prior` adds
-    errors of its own; `curvature_weight` weighs the maps' kinks, in the unit of y.
+    errors of its own; `curvature_weight` weighs the maps' kinks, in the unit of y. The errors are those of the free run
+    or, of a chain that predicts, one step ahead unless `in_free_run`.
     """
 
     chain: Chain
@@ -36,6 +37,7 @@ class ChainProblem:
     prior: Prior | None = None
     curvature_weight: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
+    in_free_run: bool = False
     scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
 
     @classmethod
@@ -96,7 +98,7 @@ class ChainProblem:
         thetas = self.thetas(p)
         if not self.chain.admissible(thetas[0]):
             return None
-        parts = [self._free_run_errors(theta, r) for theta, r in zip(thetas, self.records, strict=True)]
+        parts = [self._record_errors(theta, r) for theta, r in zip(thetas, self.records, strict=True)]
         if self.prior is not None:
             parts.append(self.prior.errors(thetas[0]))
         if self.curvature_weight:
@@ -108,7 +110,7 @@ class ChainProblem:
         thetas = self.thetas(p)
         errors, rows = [], []
         for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
-            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k))
+            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k), self._measured(record))
             self.scratch[k] = J
             e, J = self._rows(k, record.y, record.missing, yhat, J)
             errors.append(e)
@@ -184,10 +186,15 @@ class ChainProblem:
         free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.experiment_states.sum())
         return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
 
-    def _free_run_errors(self, theta: np.ndarray, record: IOData) -> np.ndarray:
+    def _measured(self, record: IOData) -> np.ndarray | None:
+        return None if self.in_free_run else record.y
+
+    def _record_errors(self, theta: np.ndarray, record: IOData) -> np.ndarray:
         """e of one record's observed samples."""
         if not self._in_pieces:
-            return self._errors(record.y, record.missing, self.chain.outputs(theta, record.u))[0]
+            return self._errors(record.y, record.missing, self.chain.outputs(theta, record.u, self._measured(record)))[
+                0
+            ]
         e, n = np.empty(int(record.observed.sum())), 0
         for part, yhat, _ in pieces(self.chain, theta, record.u, tangent=False):
             missing = None if record.missing is None else record.missing[part]

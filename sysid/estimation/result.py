@@ -13,12 +13,13 @@ from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import StateSpace
+from sysid.blocks import Innovations, StateSpace
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, run_from_rest
-from sysid.estimation.origin import FitMethods, Origin, check_channels, check_same_kind
+from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.origin import FREE_RUN, ONE_STEP, FitMethods, Origin, check_channels, check_same_kind
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -91,10 +92,14 @@ class Fit(FitMethods):
 
         The free run plus the forecast of its residuals by their autoregression in the estimation data (`noise`; for
         a fit in a file of an earlier version, in this record), see `sysid.estimation.free_run`. With white residuals it
-        is the free run. Raises InputError for a horizon below 1.
+        is the free run. A model that `predicts` has its own state estimator instead. Raises InputError for a horizon
+        below 1.
         """
         check_horizon(horizon)
         levelled, predictions = self.own_level(data), []
+        if self.predicts:
+            ahead = np.concatenate([self._ahead(e, horizon, n_init) for e in levelled.experiments])
+            return restore_offsets(ahead, levelled, data)[:, 0]
         runs = [self._run(experiment, n_init).y for experiment in levelled.experiments]
         residuals = np.where(levelled.observed, levelled.y - np.concatenate(runs), 0.0)
         noise = self.noise or [autoregression(residual, levelled.lengths) for residual in residuals.T]
@@ -128,25 +133,44 @@ class Fit(FitMethods):
         y, yhat, mask = self._scored_samples(data, n_init)
         return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)])
 
+    @property
+    def predicts(self) -> bool:
+        """Whether the model is fitted to predictions one step ahead, from measured outputs, not to its free run."""
+        return self.model.predicts
+
+    @property
+    def criteria_of(self) -> str:
+        """Which errors `criteria`, `covariance` and `residuals` refer to: 'free run', or 'one step ahead'."""
+        return ONE_STEP if self.predicts else FREE_RUN
+
+    @checked
+    def prediction_percent(self, data: IOData, n_init: int | None = None, horizon: int = 1) -> float:
+        """Fit [%] of `predict`, on the samples that `fit_percent` scores.
+
+        One step ahead it is near 100 for any smooth, finely sampled y; never compare it with a free run.
+        """
+        y, yhat, mask = self._scored_samples(data, n_init, horizon)
+        return float(np.mean([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)]))
+
     @checked
     def residuals(self, data: IOData) -> np.ndarray:
-        """e = y - free run without each experiment's first n_init samples: (M,) for one output, else (M, ny).
+        """e = y - yhat of the kind `criteria_of`, without each experiment's first n_init samples.
 
-        A missing sample has the residual 0.
+        (M,) for one output, else (M, ny). A missing sample has the residual 0.
         """
-        y, yhat, mask = self._scored_samples(data, None)
+        y, yhat, mask = self._scored_samples(data, None, 1 if self.predicts else 0)
         e = np.where(mask, y - yhat, 0.0)
         return e[:, 0] if e.shape[1] == 1 else e
 
     @checked
     def residual_tests(self, data: IOData, max_lag: int = 25, level: float = 0.99) -> ResidualTests:
-        """Whiteness of the free-run residuals on a record of one input and output, and independence of the input."""
+        """Whiteness of `residuals` on a record of one input and output, and their independence of the input."""
         siso(data)
         u = np.concatenate([e.u[self._initial_samples(e, None) :, 0] for e in self.own_level(data).experiments])
         e = self.residuals(data)
         if not np.all(np.isfinite(e)):
             raise InputError(f"no residuals to test: {self.divergence(data)}")
-        return residual_tests(e, u, max_lag, level)
+        return residual_tests(e, u, max_lag, level, past=self.predicts)
 
     @checked
     def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
@@ -188,6 +212,11 @@ class Fit(FitMethods):
             held = bool((self.covariance.bounded | self.covariance.unidentifiable)[f].any())
             deviations.append(pole_std(self.theta[f], self.covariance.cov[f, f], held))
         return np.concatenate(deviations)
+
+    @property
+    def settles(self) -> bool:
+        """Whether all poles are inside the unit circle by two standard deviations: else a free run adds up errors."""
+        return bool(np.all(np.abs(self.poles) + 2.0 * np.nan_to_num(self.pole_std) < 1.0))
 
     @cached_property
     def _around_centre(self) -> Rational | None:
@@ -242,6 +271,7 @@ class Fit(FitMethods):
                 "structure": self.model.structure,
                 "search": self.search,
                 "criteria": self.criteria.as_dict(),
+                **({"criteria_of": self.criteria_of} if self.predicts else {}),
                 "poles": poles,
                 "zeros": [{"re": z.real, "im": z.imag} for z in self.zeros.tolist()],
                 "parameters": [vars(p) for p in self.parameters],
@@ -262,13 +292,29 @@ class Fit(FitMethods):
         with one_blas_thread():
             return free_run(self.model, self.theta, data, n, mse * c.N / max(c.N - c.d, 1))
 
-    def _scored_samples(self, data: IOData, n_init: int | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init, at own level."""
+    def _ahead(self, data: IOData, horizon: int, n_init: int | None) -> np.ndarray:
+        """y(t | t-horizon) (N, 1) of a model that predicts, on one experiment at own level."""
+        model, block = self.model, self.model.blocks[-1]
+        assert isinstance(block, Innovations)
+        check_complete(data)
+        first = data.select(0, min(self.n_init if n_init is None else n_init, data.N))
+        theta = estimate_initial(model, self.theta, first) if first.N >= 2 else self.theta
+        w = model.through(theta, data.u[:, 0], 0, len(model.blocks) - 1)
+        return block.ahead(model.part(theta, block), w, data.y[:, 0], horizon)[:, None]
+
+    def _scored_samples(
+        self, data: IOData, n_init: int | None, horizon: int = 0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """y, yhat and the mask of scored samples (M, ny), each experiment without its first n_init, at own level.
+
+        yhat is the free run, or with a `horizon` the prediction.
+        """
         y, yhat, counts = [], [], []
         for e in self.own_level(data).experiments:
             n = self._initial_samples(e, n_init)
             y.append(e.y[n:])
-            yhat.append(self._run(e, n).y[n:])
+            ahead = self.predict(e, horizon, n).reshape(e.N, -1) if horizon else self._run(e, n).y
+            yhat.append(ahead[n:])
             counts.append(e.observed[n:])
         return np.concatenate(y), np.concatenate(yhat), np.concatenate(counts)
 
@@ -283,6 +329,15 @@ class Fit(FitMethods):
     def _same_kind(self, data: IOData) -> None:
         check_same_kind(data, self.Ts, self.origin)
         check_channels(self.model, data)
+
+
+def check_complete(data: IOData) -> None:
+    """Raises InputError for a record with missing outputs, which a state estimator cannot go on from."""
+    if not data.observed.all():
+        raise InputError(
+            f"{int((~data.observed).sum())} outputs are missing, and this model predicts each from all before it; "
+            "split the record there and merge the parts (IOData.merge), or choose output_error"
+        )
 
 
 def check_horizon(horizon: int) -> None:

@@ -183,6 +183,11 @@ class Chain:
         return tuple(filters)
 
     @property
+    def predicts(self) -> bool:
+        """Whether the chain is fitted to predictions one step ahead, from measured outputs, not to its free run."""
+        return self.blocks[-1].predicts
+
+    @property
     def channels(self) -> tuple[int, int]:
         """Number of inputs and of outputs."""
         return self.blocks[0].channels[0], self.blocks[-1].channels[1]
@@ -250,27 +255,27 @@ class Chain:
         return self.outputs(theta, u)[:, 0]
 
     @checks_theta
-    def tangent(self, theta: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Free run of one input and output with its exact Jacobian: output (N,) and dy/dtheta (N, P)."""
-        y, J = self.sensitivities(theta, u)
-        return y[:, 0], J
+    def tangent(self, theta: np.ndarray, u: np.ndarray, y: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """`sensitivities` of one input and output: output (N,) and dy/dtheta (N, P)."""
+        output, J = self.sensitivities(theta, u, y=y)
+        return output[:, 0], J
 
     @checks_theta
-    def outputs(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Free run: outputs (N, ny) for inputs u (N, nu) or (N,)."""
-        xs = deque(self._signals(theta, u), maxlen=1).pop()
+    def outputs(self, theta: np.ndarray, u: np.ndarray, y: np.ndarray | None = None) -> np.ndarray:
+        """Free run: outputs (N, ny) for inputs u (N, nu) or (N,); with measured y (N, ny) as `sensitivities`."""
+        xs = deque(self._signals(theta, u, y), maxlen=1).pop()
         return np.column_stack(xs) if len(xs) > 1 else xs[0][:, None]
 
     @checks_theta
     def sensitivities(
-        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None = None, y: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (N, ny) and their exact Jacobian (ny N, P), the first output's rows first.
 
         `out` (N, P) may receive the Jacobian of one input and output: allocation takes as long as use for a long
-        record.
+        record. With measured outputs y (N, ny), a chain that `predicts` gives its prediction one step ahead.
         """
-        xs, Js = self._run(theta, u, out)
+        xs, Js = self._run(theta, u, out, y)
         return np.column_stack(xs), Js[0] if len(Js) == 1 else np.concatenate(Js)
 
     @checks_theta
@@ -325,18 +330,18 @@ class Chain:
         """d of the criteria: free parameters after the gauge, initial states counted."""
         return int(self.free.sum()) - self.gauge(theta).shape[1]
 
-    def _signals(self, theta: np.ndarray, u: np.ndarray) -> Iterator[list[np.ndarray]]:
+    def _signals(self, theta: np.ndarray, u: np.ndarray, y: np.ndarray | None = None) -> Iterator[list[np.ndarray]]:
         """The channels of every signal in turn, each an array (N,), so that a long record does not keep them all."""
         xs = columns(u, self.channels[0])
         none = np.empty((len(xs[0]), 0))
         yield xs
         for b in self.blocks:
             with np.errstate(over="ignore", invalid="ignore"):  # an unstable trial overflows; its cost is then infinite
-                xs = b.propagate_all(self.part(theta, b), xs, [none] * len(xs), 0)[0]
+                xs = self._through(b, theta, xs, [none] * len(xs), 0, y)[0]
             yield xs
 
     def _run(
-        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None
+        self, theta: np.ndarray, u: np.ndarray, out: np.ndarray | None, y: np.ndarray | None
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         xs, q = columns(u, self.channels[0]), 0
         shape = (len(xs[0]), len(theta))
@@ -347,6 +352,15 @@ class Chain:
             Js = [np.zeros(shape) for _ in xs]
         with np.errstate(over="ignore", invalid="ignore"):
             for b in self.blocks:
-                xs, Js = b.propagate_all(self.part(theta, b), xs, Js, q)
+                xs, Js = self._through(b, theta, xs, Js, q, y)
                 q += b.n_parameters
         return xs, Js
+
+    def _through(
+        self, b: Block, theta: np.ndarray, xs: list[np.ndarray], Js: list[np.ndarray], q: int, y: np.ndarray | None
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """`propagate_all` of a block, or its prediction of the measured y (N, ny), which the last block alone makes."""
+        part = self.part(theta, b)
+        if y is None or b is not self.blocks[-1]:
+            return b.propagate_all(part, xs, Js, q)
+        return b.predict_all(part, xs, Js, q, y)

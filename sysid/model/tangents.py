@@ -10,7 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.poles import ROUNDING
 from sysid.block.block import StaticBlock
-from sysid.blocks import StateSpace, TransferFunction
+from sysid.blocks import Innovations, StateSpace, TransferFunction
 from sysid.model.chain import Chain
 
 _STEP = 1e-6  # of the signal's size: step of the central difference that gives the gradient of a slope
@@ -92,6 +92,15 @@ def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction) -> Ration
     for j in range(block.nf):
         dF[j + 1, part.start + block.nb + j] = 1.0
     return Rational(B, F, dB, dF)
+
+
+def estimator(chain: Chain, theta: np.ndarray, block: Innovations) -> tuple[np.ndarray, np.ndarray]:
+    """C (nf + 1,) of a block that predicts, from its leading 1, and its gradient (nf + 1, P)."""
+    start = chain.index(block).stop - block.nf
+    C, dC = np.ones(block.nf + 1), np.zeros((block.nf + 1, len(theta)))
+    C[1:] = theta[start : start + block.nf]
+    dC[1:, start : start + block.nf] = np.eye(block.nf)
+    return C, dC
 
 
 def _linearise(

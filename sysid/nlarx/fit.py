@@ -13,11 +13,11 @@ from sysid.base.parallel import one_blas_thread
 from sysid.block.symmetry import direction
 from sysid.data.record import IOData, check_magnitudes
 from sysid.estimation.normal import largest_unit, observed_samples, unit_of
-from sysid.estimation.origin import Origin
+from sysid.estimation.origin import FREE_RUN, ONE_STEP, Origin
 from sysid.nlarx.choice import RIDGES, choices, choose_size
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import Piece, SimulationProblem, limit
-from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice, NlarxFit
+from sysid.nlarx.result import Choice, NlarxFit
 from sysid.nlarx.starts import Run, linear_start, runs_of
 from sysid.solver.covariance import Covariance, covariance
 from sysid.solver.iterate import Linearisation, Options

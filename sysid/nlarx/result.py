@@ -15,7 +15,7 @@ from sysid.base.files import json_value
 from sysid.data.record import IOData
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.origin import FitMethods, Origin, check_same_kind
+from sysid.estimation.origin import FREE_RUN, FitMethods, Origin, check_same_kind
 from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
 from sysid.nlarx.problem import FAR, Piece
@@ -23,7 +23,6 @@ from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 
 FORMAT, VERSION = "sysid nlarx fit", 2  # version 1 stored no offsets and no origin: they stay unknown (None)
-ONE_STEP, FREE_RUN = "one step ahead", "free run"
 AWAY = 0.5  # spans of the estimation data's output beyond its range, which no model of the plant reaches
 
 
@@ -71,6 +70,8 @@ class NlarxFit(FitMethods):
     u_offset: np.ndarray | None = None  # [u] removed from the estimation data; None: not known
     y_offset: np.ndarray | None = None
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
+
+    predicts = True
 
     @checked
     def own_level(self, data: IOData) -> IOData:

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.estimation.origin import FREE_RUN, ONE_STEP
 from sysid.estimation.storage import build_checked, check_numbers, check_offsets, check_sizes, check_span, version_of
-from sysid.nlarx.result import FREE_RUN, ONE_STEP, VERSION, NlarxFit
+from sysid.nlarx.result import VERSION, NlarxFit
 
 
 def build_fit(document: dict[str, Any]) -> NlarxFit:

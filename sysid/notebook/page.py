@@ -73,7 +73,7 @@ def _next(e: Evaluation) -> NextStep | None:
     """The call to try next after a poor fit; None after a good one."""
     if not e.fit.stop.converged:
         return NextStep("the search did not converge", "fit.refine(options=sysid.Options(max_iterations=500))")
-    if not poor(e.validation_fit, e.tests):
+    if not poor(e.judged_fit, e.tests):
         return None
     return NextStep("this structure does not explain the record", "sysid.select(data, seconds=120).fit")
 

@@ -96,9 +96,9 @@ def _bad(result: Identification) -> list[str]:
     """Of a model that is of no use: that it is, and why; its next command follows."""
     e = result.evaluation
     wrong = [note for note in e.notes if WRONG in note]
-    if result.next is None or _no_joint(e) or (e.validation_fit >= BAD and not wrong):
+    if result.next is None or _no_joint(e) or (e.judged_fit >= BAD and not wrong):
         return []
-    short = f"the free run fits the validation data to {percent(e.validation_fit)}"
+    short = f"the {e.judged} fits the validation data to {percent(e.judged_fit)}"
     return [f"Do NOT use this model: {'; '.join([short, *wrong])}."]
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.poles import time_constant
 from sysid.base.quantities import capital, display_quantity, number, percent, pole
+from sysid.estimation.origin import ONE_STEP
 from sysid.joint.values import WORDS, JointValue, distinct_values
-from sysid.nlarx.result import ONE_STEP, NlarxFit
 from sysid.plots.responses import note_sentences
 from sysid.report.page import Grid
 from sysid.uncertainty.intervals import Interval, Root
@@ -173,10 +173,15 @@ def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     if prediction is None:
         return []
     meaning = "each sample from all previous measured samples"
-    return [
+    rows = [
         ("fit, ONE STEP ahead, validation data", percent(prediction.validation_fit), meaning),
         ("fit, ONE STEP ahead, estimation data", percent(prediction.estimation_fit), meaning),
     ]
+    if prediction.growth is not None:
+        ahead = f"fit, {prediction.growth.horizon} STEPS ahead, validation data"
+        meaning = "from measured samples so long before, in which errors of the free run grow to 2.7 times"
+        rows.append((ahead, percent(prediction.growth.fit), meaning))
+    return rows
 
 
 def search_sentence(evaluation: Evaluation) -> str:
@@ -202,7 +207,7 @@ def model_in_words(evaluation: Evaluation) -> str:
 
 def one_step(evaluation: Evaluation) -> bool:
     """Whether the criteria and residuals of a fit refer to one-step-ahead prediction instead of free run."""
-    return isinstance(evaluation.fit, NlarxFit) and evaluation.fit.criteria_of == ONE_STEP
+    return evaluation.fit.criteria_of == ONE_STEP
 
 
 def sentence(phrase: str) -> str:

@@ -17,11 +17,19 @@ def first(result: Identification) -> list[str]:
     """The opening sentences: a bad result first with its reason and the next command, then the fit and its tests."""
     e = result.evaluation
     opening = [_not_a_joint(result)] if no_joint(e) else [_bad(result)] if bad(e) else []
-    fits = (
-        f"{model_in_words(e)} has a free-run fit on the validation data of {percent(e.validation_fit)} "
-        f"({percent(e.estimation_fit)} on the estimation data). {stability(e)} {tests_in_words(e)}"
-    )
+    fits = f"{model_in_words(e)} {fits_in_words(e)}. {stability(e)} {tests_in_words(e)}"
     return [*opening, fits, *band_in_words(e)]
+
+
+def fits_in_words(e: Evaluation) -> str:
+    """The fits [%] of the free run, or of predictions where the free run adds up all errors."""
+    free = f"free-run fit on the validation data of {percent(e.validation_fit)}"
+    if e.growing is None:
+        return f"has a {free} ({percent(e.estimation_fit)} on the estimation data)"
+    return (
+        f"predicts the validation data {e.growing.horizon} steps ahead with a fit of {percent(e.growing.fit)}; its "
+        f"{free} says little, because a free run adds up every error where the plant itself does not settle"
+    )
 
 
 def no_joint(e: Evaluation) -> bool:
@@ -31,7 +39,7 @@ def no_joint(e: Evaluation) -> bool:
 
 def bad(e: Evaluation) -> bool:
     """Whether the free run misses the validation data by more than noise explains."""
-    return poor(e.validation_fit, e.tests)
+    return poor(e.judged_fit, e.tests)
 
 
 def band_in_words(e: Evaluation) -> list[str]:
@@ -55,14 +63,14 @@ def too_narrow(e: Evaluation) -> str:
     if not any(v.low is not None for v in e.values) and not any(np.isfinite(r.modulus.upper) for r in e.roots or ()):
         return ""
     reason = ""
-    gap = e.estimation_fit - e.validation_fit
+    gap = 0.0 if e.growing else e.estimation_fit - e.validation_fit
     if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
         reason = (
             f"the fit falls from {percent(e.estimation_fit)} on the estimation data to {percent(e.validation_fit)} on "
             "the validation data"
         )
     elif bad(e):
-        reason = f"the free run explains only {percent(e.validation_fit)} of the validation data"
+        reason = f"the {e.judged} explains only {percent(e.judged_fit)} of the validation data"
     elif e.tests is not None and not e.tests.independent:
         reason = "the residuals depend on the input"
     if not reason:
@@ -75,10 +83,10 @@ def too_narrow(e: Evaluation) -> str:
 
 def stability(e: Evaluation) -> str:
     """Poles, or how the free run behaves where there are none."""
-    if e.linear:
-        return f"It {e.motion}: poles {poles(e.poles)}."
     runs = "Its free run DIVERGES from the data."
-    if e.stable:
+    if e.linear:
+        runs = f"It {e.motion}: poles {poles(e.poles)}."
+    elif e.stable:
         near = min(e.validation_fit, e.estimation_fit) >= CLOSE
         runs = (
             f"Its free run stays {'close to the data' if near else 'in the range of the data, but not close to them'}."
@@ -99,11 +107,11 @@ def _bad(result: Identification) -> str:
     """What is wrong, why, and what to do."""
     e = result.evaluation
     worth = "100 % is exact, the constant mean of the output has 0 %"
-    if not e.validation_fit >= 0:
+    if not e.judged_fit >= 0:
         worth = "the constant mean of the output would be better, with 0 %"
     return (
-        f"This model is not good enough to use: its free run has a fit of {percent(e.validation_fit)} to the output of "
-        f"the validation data ({worth}). {exit_sentence(e)}{_what_to_do(result)}"
+        f"This model is not good enough to use: its {e.judged} has a fit of {percent(e.judged_fit)} to the output of "
+        f"the validation data ({worth}). {'' if e.growing else exit_sentence(e)}{_what_to_do(result)}"
     )
 
 
@@ -156,7 +164,7 @@ def residuals_in_words(tests: ResidualTests, outside: str = "", together: str = 
 
 def _no_voucher(evaluation: Evaluation) -> str:
     """That a passed test does not vouch for a poor model; where both pass and some fit is left, noise is the reason."""
-    t, fit = evaluation.tests, evaluation.validation_fit
+    t, fit = evaluation.tests, evaluation.judged_fit
     names = [] if t is None else [name for name, ok in (("whiteness", t.white), ("independence", t.independent)) if ok]
     if not names or fit >= NO_VOUCHER or (len(names) == 2 and fit > 0.0):
         return ""

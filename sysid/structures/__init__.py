@@ -2,6 +2,7 @@
 
 from sysid.model.recipes import Recipe
 from sysid.structures.actuated_joint import ActuatedJoint, actuated_joint
+from sysid.structures.armax import Armax, armax
 from sysid.structures.coupled_drives import CoupledDrives, coupled_drives
 from sysid.structures.hammerstein import Hammerstein, hammerstein
 from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_wiener
@@ -15,6 +16,7 @@ from sysid.structures.wiener_hammerstein import WienerHammerstein, wiener_hammer
 
 TABLE: dict[str, type[Recipe]] = {
     "actuated_joint": ActuatedJoint,
+    "armax": Armax,
     "coupled_drives": CoupledDrives,
     "hammerstein": Hammerstein,
     "hammerstein_wiener": HammersteinWiener,
@@ -30,6 +32,7 @@ TABLE: dict[str, type[Recipe]] = {
 __all__ = [
     "TABLE",
     "ActuatedJoint",
+    "Armax",
     "CoupledDrives",
     "Hammerstein",
     "HammersteinWiener",
@@ -42,6 +45,7 @@ __all__ = [
     "Wiener",
     "WienerHammerstein",
     "actuated_joint",
+    "armax",
     "coupled_drives",
     "hammerstein",
     "hammerstein_wiener",

@@ -261,7 +261,7 @@ def _stack_experiments(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[n
     for k, record in enumerate(data.experiments):
         observed = record.observed[:, 0]
         own_theta = theta if k == 0 else estimate_initial(chain, theta, record)
-        yhat, J = chain.tangent(own_theta, record.u[:, 0])
+        yhat, J = chain.tangent(own_theta, record.u[:, 0], record.y)
         e, J = (record.y[:, 0] - yhat) * observed, J * observed[:, None]
         if k and chain.initial.any():
             Q = np.linalg.qr(J[:, chain.initial])[0]

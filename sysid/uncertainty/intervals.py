@@ -13,8 +13,8 @@ from scipy.special import chdtri, fdtri
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.base.poles import time_constant
-from sysid.blocks import StateSpace, TransferFunction
-from sysid.model.tangents import Rational, steady_curve, tangent, transfer
+from sysid.blocks import Innovations, StateSpace, TransferFunction
+from sysid.model.tangents import Rational, estimator, steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
 _ROUGH = "is within three standard deviations of another root: the interval is inaccurate"
@@ -279,33 +279,51 @@ def is_cancelled(info: Information, block: TransferFunction, z: complex, level: 
     interval of finite length would hold the true one with no probability that can be stated (Fieller 1954, J. R. Stat.
     Soc. B 16; Gleser and Hwang 1987, Annals of Statistics 15). The residue is taken relative to the filter's impulse
     response, which makes it independent of the gauge. The pole is free where the residue is zero, so the quantile has
-    twice as many degrees of freedom as the residue.
+    twice as many degrees of freedom as the residue. Of a block that predicts, the noise shows the pole too: its residue
+    in C/A counts beside that in B/A, which is taken relative to B, since the response may grow.
     """
     rational = transfer(info.chain, info.theta, block)
     b, db = rational.B[block.nk : block.nk + block.nb], rational.B_gradient[block.nk : block.nk + block.nb]
     if largest := float(np.abs(b).max(initial=0.0)):  # the answer has no unit, and squares of a tiny gain are no number
         b, db = b / largest, db / largest
     F, dF = rational.F[: block.nf + 1], rational.F_gradient[: block.nf + 1]
-    size, d_size = _response_norm(b, db, F, dF)
+    size, d_size = _norm(b, db) if block.predicts else _response_norm(b, db, F, dF)
     slope = complex(np.polyval(np.polyder(F), z))
     if size == 0.0 or slope == 0.0 or abs(z) <= _DELAY_MODULUS:
         return False
-    past = z ** -np.arange(len(b), dtype=float)
     dz = -(z ** np.arange(len(F) - 1, -1, -1)) @ dF / slope
-    # B(z) / F'(z), B in powers of 1/z and F in powers of z
-    top, d_top = past @ b, past @ db - (np.arange(len(b)) * past / z) @ b * dz
     d_slope = (np.arange(len(F) - 1, 0, -1) * z ** np.arange(len(F) - 2, -1, -1)) @ dF[:-1]
     d_slope = d_slope + np.polyval(np.polyder(F, 2), z) * dz
-    residue = top / slope
-    d = (d_top - residue * d_slope) / slope / size - residue * d_size / size**2
-    n = 1 if z.imag == 0.0 else 2
-    value, parts = np.array([residue.real, residue.imag])[:n] / size, np.array([d.real, d.imag])[:n]
+    value, parts = _residue(b / size, db / size - np.outer(b, d_size) / size**2, z, dz, slope, d_slope)
+    if isinstance(block, Innovations):
+        noise = _residue(*estimator(info.chain, info.theta, block), z, dz, slope, d_slope)
+        value, parts = np.concatenate([value, noise[0]]), np.concatenate([parts, noise[1]])
     cov = info.covariance_of(parts)
     if info.note_of(parts) or np.trace(cov) <= 1e-24 * float(value @ value):
         return False
+    scale = np.sqrt(np.maximum(np.diag(cov), 1e-300))
+    value, cov = value / scale, cov / np.outer(scale, scale)
     distance = float(value @ np.linalg.pinv(cov, rcond=1e-12, hermitian=True) @ value)
-    m = 2.0 * n
+    m = 2.0 * len(value)
     return distance < (m * fdtri(m, info.dof, level) if np.isfinite(info.dof) else chdtri(m, 1.0 - level))
+
+
+def _residue(
+    b: np.ndarray, db: np.ndarray, z: complex, dz: np.ndarray, slope: complex, d_slope: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """B(z) / F'(z) as its real and, of a complex z, imaginary part, with gradients; B in powers of 1/z, F in z."""
+    past = z ** -np.arange(len(b), dtype=float)
+    top, d_top = past @ b, past @ db - (np.arange(len(b)) * past / z) @ b * dz
+    residue = top / slope
+    d = (d_top - residue * d_slope) / slope
+    n = 1 if z.imag == 0.0 else 2
+    return np.array([residue.real, residue.imag])[:n], np.array([d.real, d.imag])[:n]
+
+
+def _norm(b: np.ndarray, db: np.ndarray) -> tuple[float, np.ndarray]:
+    """Norm of b (n,) with its gradient (P,)."""
+    size = float(np.linalg.norm(b))
+    return size, b @ db / (size or 1.0)
 
 
 def _response_norm(b: np.ndarray, db: np.ndarray, F: np.ndarray, dF: np.ndarray) -> tuple[float, np.ndarray]:

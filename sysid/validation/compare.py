@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 class Row:
     """One fit on the record. The free run uses u and only the first output samples, which are not scored.
 
-    rmse in the unit of y. `one_step` is the one-step fit [%] of models that predict (nonlinear ARX), None for others:
-    never compare it with a free run. `criteria` belong to the estimation record, d counts parameters after the gauge.
+    rmse in the unit of y. `one_step` is the one-step fit [%] of models that predict (nonlinear ARX, ARMAX), None for
+    others: never compare it with a free run. `criteria` belong to the estimation record, d counts parameters after the
+    gauge.
     """
 
     rank: int
@@ -173,7 +174,7 @@ def cross_validate(
 
 def _row(label: str, fit: Any, data: IOData, n: int, counts: np.ndarray) -> Row:
     yhat = fit.simulate(data, n)
-    one_step = fit.prediction_percent(data, n) if hasattr(fit, "prediction_percent") else None
+    one_step = fit.prediction_percent(data, n) if fit.predicts else None
     return Row(
         rank=0,
         label=label,

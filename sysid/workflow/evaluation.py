@@ -31,12 +31,13 @@ from sysid.uncertainty.bands import OutputBand
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks
-from sysid.workflow.results import Curve, Evaluation, OneOutput, OneStep
+from sysid.workflow.results import Curve, Evaluation, Growing, OneOutput, OneStep
 from sysid.workflow.setting import Setting
 
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
+_FAR = 20  # samples over which the prediction of a model that integrates is judged
 _DIVERGED = -1000.0  # [%] of fit, below which a number says no more than that the run has left the data
 Progress = Callable[[str], None] | None
 
@@ -101,16 +102,21 @@ def evaluate_fit(
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite step response")
-    # Where it was fitted, a chain's initial state is part of the fit; where it was not, the first samples must do.
-    estimation_run = fit.simulate(estimation, estimation.N if chain else None)
+    # Where it was fitted, a free run's initial state is part of the fit; where it was not, the first samples must do.
+    estimation_run = fit.simulate(estimation, None if fit.predicts else estimation.N)
     validation_run = fit.simulate(validation)
-    output_fits = fits_of_outputs(estimation, estimation_run, 0 if chain else fit.n_init)
+    output_fits = fits_of_outputs(estimation, estimation_run, fit.n_init if fit.predicts else 0)
     fits = float(np.mean(output_fits)), fit.fit_percent(validation)
-    if not np.isfinite(fits[1]):
+    one_step = _one_step(fit, estimation, validation) if fit.predicts else None
+    if one_step is not None and one_step.growth is not None:
+        fits_compared = one_step.estimation_fit, one_step.validation_fit
+    else:
+        fits_compared = fits
+    if not np.isfinite(fits_compared[1]):
         notes.append(f"in the validation data {fit.divergence(validation)}")
     elif network and (excursion := network.excursion(validation)):
         notes.append(f"in the validation data {excursion}")
-    notes += _difference_of_parts(fit, fits, joint=physics is not None)
+    notes += _difference_of_parts(fit, fits_compared, joint=physics is not None)
     notes += gain_remarks(estimation, validation, validation_run, None if step is None else step.y)
     if chain is not None:
         notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
@@ -134,7 +140,7 @@ def evaluate_fit(
         step=step,
         maps=_maps(chain, estimation) if chain else {},
         roots=roots,
-        one_step=_one_step(network, estimation, validation) if network else None,
+        one_step=one_step,
         values=joint_values(chain, data=estimation, **physics) if chain and physics is not None else (),
         notes=tuple(notes),
         inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
@@ -154,7 +160,8 @@ def _residual_tests(
             return worst_tests(output_tests), None, output_tests, []
         tests = fit.residual_tests(validation)
         e, u = residuals_and_inputs(fit, validation)
-        return tests, higher_order_tests(e[:, 0], u[:, 0]), (), []
+        later = isinstance(fit, Fit) and fit.predicts  # an input at the same time may come from the error by feedback
+        return tests, higher_order_tests(e[later:, 0], u[: len(u) - later, 0]), (), []
     except InputError as error:
         return tests, None, (), [f"no residual tests: {error}"]
 
@@ -201,13 +208,23 @@ def has_ample_samples(fit: Fit | NlarxFit) -> bool:
     return isinstance(fit, Fit) and AMPLE * fit.criteria.d < fit.criteria.N
 
 
-def _one_step(fit: NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
+def _one_step(fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> OneStep:
     return OneStep(
         fit.predict(estimation),
         fit.predict(validation),
         fit.prediction_percent(estimation),
         fit.prediction_percent(validation),
+        _growth(fit, validation) if isinstance(fit, Fit) else None,
     )
+
+
+def _growth(fit: Fit, validation: IOData) -> Growing | None:
+    """The prediction over which errors grow to e times, of a model that does not settle; at most `_FAR` samples."""
+    if fit.settles:
+        return None
+    rate = float(np.log(np.abs(fit.poles).max()))
+    horizon = int(np.clip(round(1.0 / rate) if rate > 1.0 / _FAR else _FAR, 2, _FAR))
+    return Growing(horizon, fit.prediction_percent(validation, horizon=horizon))
 
 
 def _uncertainty(
@@ -219,7 +236,7 @@ def _uncertainty(
     try:
         info = information(fit, estimation, lags="auto" if coloured else None)
         roots = intervals.poles(info)
-        free_run = motion(fit.poles) != Motion.UNSTABLE and len(validation.experiments) == 1
+        free_run = not fit.predicts and motion(fit.poles) != Motion.UNSTABLE and len(validation.experiments) == 1
         return roots, bands.linear(info, validation, noise=True) if free_run else None
     except InputError:
         return None, None

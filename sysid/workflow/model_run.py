@@ -272,7 +272,7 @@ def run_models(paths: list[str], reading: Reading) -> Models:
 
 def criteria_of(run: ModelRun) -> str:
     """Which errors the criteria of the model's file refer to; those of two kinds are not comparable."""
-    return run.model.fit.criteria_of if isinstance(run.model.fit, NlarxFit) else "free run"
+    return run.model.fit.criteria_of
 
 
 def comparable(result: Models) -> bool:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.poles import Motion
 from sysid.data.record import IOData
 from sysid.diagnosis.finding import Advice
 from sysid.diagnosis.residuals import POOR, poor
@@ -16,6 +17,7 @@ from sysid.model.recipes import Recipe
 from sysid.selection.table import SECONDS
 from sysid.structures import (
     ActuatedJoint,
+    Armax,
     Hammerstein,
     HammersteinWiener,
     NonlinearArx,
@@ -43,7 +45,7 @@ def next_step(result: Identification) -> NextStep | None:
     structure fits better.
     """
     e = result.evaluation
-    is_bad = poor(e.validation_fit, e.tests) or against_the_record(e)
+    is_bad = poor(e.judged_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
     if is_bad and (first := _logging_fault(result)) is not None:
         return first
@@ -56,7 +58,7 @@ def next_step(result: Identification) -> NextStep | None:
     elif e.outputs:
         rules = (_budget, _nonlinear, _uncovered_validation, _coverage, _more_starts, _general) if is_bad else ()
     elif is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_budget, _ends, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _more_starts)
+        rules = (_budget, _ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _more_starts)
         rules += (_search_structures, _other_kind)
     elif not e.fit.stop.converged:
         rules = (_more_starts,)
@@ -121,6 +123,18 @@ def _ends(result: Identification) -> NextStep | None:
         return None
     reason = "the output rests at its ends, and this model has no end stops"
     return NextStep(reason, command(result, structure=ActuatedJoint.name))
+
+
+def _loop(result: Identification) -> NextStep | None:
+    """A controller made the input, or the free run's poles are not inside the unit circle: a model that predicts."""
+    e, recipe = result.evaluation, result.evaluation.setting.recipe
+    if isinstance(recipe, Armax | NonlinearArx | ActuatedJoint) or e.outputs:
+        return None
+    if any(a.topic == "feedback" and a.severity == "warning" for a in result.advice):
+        return NextStep("a controller makes the input out of the output", command(result, structure=Armax.name))
+    if e.motion == Motion.STABLE:
+        return None
+    return NextStep("the plant seems to integrate, or is not stable", command(result, structure=Armax.name))
 
 
 def _delay(result: Identification) -> NextStep | None:

@@ -35,21 +35,31 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class OneStep:
-    """One-step-ahead prediction of a nonlinear ARX model from the measured outputs.
+class Growing:
+    """Prediction of the validation data `horizon` samples ahead, in which errors of a free run grow: its fit [%]."""
 
-    Outputs (N,) on the scale of their data, fits in %. The fit is near 100 % for any smooth, finely sampled signal: do
-    not compare it with the fit of a free run.
+    horizon: int
+    fit: float
+
+
+@dataclass(frozen=True)
+class OneStep:
+    """One-step-ahead prediction of a nonlinear ARX or an ARMAX model from the measured outputs.
+
+    `growth` is that of a model that does not settle. Outputs (N,) on the scale of their data, fits in %. The one-step
+    fit is near 100 % for any smooth, finely sampled signal: do not compare it with the fit of a free run.
     """
 
     estimation_output: np.ndarray
     validation_output: np.ndarray
     estimation_fit: float
     validation_fit: float
+    growth: Growing | None = None
 
-    def as_dict(self) -> dict[str, float]:
-        """The two fits [%]."""
-        return {"estimation": self.estimation_fit, "validation": self.validation_fit}
+    def as_dict(self) -> dict[str, Any]:
+        """The fits [%]."""
+        fits = {"estimation": self.estimation_fit, "validation": self.validation_fit}
+        return {**fits, **({"ahead": vars(self.growth)} if self.growth is not None else {})}
 
 
 @dataclass(frozen=True)
@@ -80,10 +90,11 @@ class Evaluation:
     tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
     `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
     with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
-    maps. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says that the record is not
-    that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the fits means over the
-    outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst. `band` is that of the
-    validation run, from the noise and from what the estimation data leave open of the model; None where they give none.
+    maps, an ARMAX model has all. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says
+    that the record is not that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the
+    fits means over the outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst. `band` is
+    that of the validation run, from the noise and from what the estimation data leave open of the model; None where
+    they give none, and of a model that predicts.
     """
 
     setting: Setting
@@ -131,6 +142,23 @@ class Evaluation:
     def zeros(self) -> np.ndarray:
         """Zeros in z of the linear block; empty if there is no such block."""
         return self.fit.zeros if isinstance(self.fit, Fit) else np.empty(0, dtype=complex)
+
+    @property
+    def judged_fit(self) -> float:
+        """The validation fit [%] that a judgement takes: of the free run, or of a prediction where that run adds up all
+        errors, because the model does not settle.
+        """
+        return self.validation_fit if self.growing is None else self.growing.fit
+
+    @property
+    def judged(self) -> str:
+        """What `judged_fit` is the fit of, in words."""
+        return "free run" if self.growing is None else f"prediction {self.growing.horizon} steps ahead"
+
+    @property
+    def growing(self) -> Growing | None:
+        """The prediction that counts of a model that does not settle; None of other models."""
+        return None if self.one_step is None else self.one_step.growth
 
     @property
     def motion(self) -> Motion:

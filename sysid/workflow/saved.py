@@ -68,8 +68,8 @@ def _with_warnings(evaluation: Evaluation) -> Fit | NlarxFit:
     """
     fit, estimation_fit = evaluation.fit, evaluation.estimation_fit
     reasons = (
-        [f"the free run fits the validation data to {percent(evaluation.validation_fit)}"]
-        if poor(evaluation.validation_fit, evaluation.tests)
+        [f"the {evaluation.judged} fits the validation data to {percent(evaluation.judged_fit)}"]
+        if poor(evaluation.judged_fit, evaluation.tests)
         else []
     )
     reasons += [note for note in evaluation.notes if WRONG in note and note not in fit.warnings]

@@ -10,6 +10,7 @@ from sysid.estimation.starts import TABLE, starts
 from sysid.model.chain import Chain
 from sysid.structures import (
     actuated_joint,
+    armax,
     coupled_drives,
     hammerstein_wiener,
     output_error,
@@ -20,6 +21,7 @@ from sysid.structures import (
 
 MADE_FOR = {
     "own_blocks": Chain((dynamic("def step(s, x, p):\n    return p.gain * x\n", {"gain": 1.0}),)),
+    "predictors": armax(input="saturation"),
     "drives": coupled_drives(),
     "servo": servo_joint(),
     "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),

@@ -32,7 +32,7 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
         out = [] if "--out" in words else ["--out", f"run{k}"]
         assert main([*words, *out, "--json"]) == 0, capsys.readouterr().err
         found.append(json.loads(capsys.readouterr().out))
-    files, channels, part, known, linear, wiener, held = found
+    files, channels, part, known, linear, wiener, held, loop = found
     np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
     assert files["read"]["validation"]["file"] == "friday.csv"
     fits = channels["fit_percent"]["outputs"]
@@ -45,6 +45,11 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     assert values["linear.f2"] == pytest.approx(0.54, abs=0.01)
     assert min(wiener["fit_percent"]["estimation"], held["fit_percent"]["estimation"]) > 95.0
     assert linear["fit_percent"]["estimation"] < 90.0
+    assert loop["poles"][0]["re"] == pytest.approx(1.05, abs=0.01)
+    low, high = loop["poles"][0]["intervals"]["real"]
+    assert low < 1.05 < high
+    assert loop["criteria_of"] == "one step ahead"
+    assert loop["fit_percent"]["validation"] < loop["one_step_fit_percent"]["ahead"]["fit"]
     for folder_of, summary in (("run1", channels), ("linear", linear)):  # the model tells the fit that was printed
         assert sysid.load(f"{folder_of}/model.json").origin.fit == summary["fit_percent"]["estimation"]
     filters = [[p["value"] for p in each["parameters"][:4]] for each in (linear, held)]

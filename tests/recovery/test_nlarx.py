@@ -8,12 +8,13 @@ import pytest
 from often import often
 
 import sysid
+from sysid.estimation.origin import FREE_RUN, ONE_STEP
 from sysid.nlarx.choice import choices, choose_size
 from sysid.nlarx.fit import fit_nlarx
 from sysid.nlarx.linearize import findop, findops, tangent
 from sysid.nlarx.model import Network
 from sysid.nlarx.problem import Piece, PredictionProblem, SimulationProblem, rows
-from sysid.nlarx.result import FREE_RUN, ONE_STEP, Choice
+from sysid.nlarx.result import Choice
 from sysid.nlarx.starts import empty_network, network_start
 from sysid.solver.iterate import Options
 from sysid.structures import nlarx

@@ -276,8 +276,8 @@ def script(model: Model, data: Data, log: Path) -> str:
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
     if recipe.grown:
         call = f"sysid.grow_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    initial_samples = "estimation.N" if model.setting.structure != "nlarx" else "None"
-    start = "0" if model.setting.structure != "nlarx" else "fit.n_init"
+    predicts = model.setting.structure in ("armax", "nlarx")  # their criteria are not those of a free run
+    initial_samples, start = ("None", "fit.n_init") if predicts else ("estimation.N", "0")
     lines = [
         '"""A model that was fitted in qpal app, fitted again: python THIS_FILE [LOG]"""',
         "",

@@ -6,6 +6,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.starts._start import Start, clip_to_bounds
 from sysid.estimation.starts.drives import Drives
+from sysid.estimation.starts.innovations import Predictors
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.own_blocks import OwnBlocks
 from sysid.estimation.starts.profile import Profile
@@ -18,6 +19,7 @@ from sysid.model.chain import Chain
 
 TABLE: dict[str, Start] = {
     "own_blocks": OwnBlocks(),
+    "predictors": Predictors(),
     "drives": Drives(),
     "servo": Servo(),
     "staged_joint": StagedJoint(),

@@ -40,7 +40,7 @@ def applies(chain: Chain) -> bool:
 
     All of one output; two filters are of one input.
     """
-    if chain.channels[1] != 1 or chain.bounds or np.any(~chain.free & ~chain.initial):
+    if chain.predicts or chain.channels[1] != 1 or chain.bounds or np.any(~chain.free & ~chain.initial):
         return False
     kinds = "".join(map(_kind, (b for b in chain.blocks if b.n_parameters and not isinstance(b, Offset))))
     return kinds in ("L", "NL", "LN", "NLN") or (kinds == "LNL" and chain.channels == (1, 1))
