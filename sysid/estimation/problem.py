@@ -26,7 +26,7 @@ class ChainProblem:
     (P,) marks the directions of the chain's basis in p. The directions of the first experiment come first (n,), then
     the initial states of the others. Missing samples are left out. `huber_threshold` is in the unit of y; `prior` adds
     errors of its own; `curvature_weight` weighs the maps' kinks, in the unit of y. The errors are those of the free run
-    or, of a chain that predicts, one step ahead unless `in_free_run`.
+    or, of a chain that predicts, one step ahead.
     """
 
     chain: Chain
@@ -37,7 +37,6 @@ class ChainProblem:
     prior: Prior | None = None
     curvature_weight: float = 0.0
     weights: np.ndarray = field(default_factory=lambda: np.ones(1))
-    in_free_run: bool = False
     scratch: dict[int, np.ndarray] = field(default_factory=dict, compare=False, repr=False)  # J of each experiment
 
     @classmethod
@@ -110,7 +109,7 @@ class ChainProblem:
         thetas = self.thetas(p)
         errors, rows = [], []
         for k, (theta, record) in enumerate(zip(thetas, self.records, strict=True)):
-            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k), self._measured(record))
+            yhat, J = self.chain.sensitivities(theta, record.u, self.scratch.get(k), record.y)
             self.scratch[k] = J
             e, J = self._rows(k, record.y, record.missing, yhat, J)
             errors.append(e)
@@ -186,15 +185,10 @@ class ChainProblem:
         free = self.chain.count(self.thetas(p)[0]) + (len(self.records) - 1) * int(self.experiment_states.sum())
         return min(free, rank(lin)) if np.isfinite(lin.cost) and np.all(np.isfinite(lin.R)) else free
 
-    def _measured(self, record: IOData) -> np.ndarray | None:
-        return None if self.in_free_run else record.y
-
     def _record_errors(self, theta: np.ndarray, record: IOData) -> np.ndarray:
         """e of one record's observed samples."""
         if not self._in_pieces:
-            return self._errors(record.y, record.missing, self.chain.outputs(theta, record.u, self._measured(record)))[
-                0
-            ]
+            return self._errors(record.y, record.missing, self.chain.outputs(theta, record.u, record.y))[0]
         e, n = np.empty(int(record.observed.sum())), 0
         for part, yhat, _ in pieces(self.chain, theta, record.u, tangent=False):
             missing = None if record.missing is None else record.missing[part]

@@ -56,7 +56,7 @@ class Noise:
 
 @checked
 def noise_model(fit: Fit, data: IOData) -> Noise:
-    """The noise of one output from the residuals of the free run on `data`, of the order of the least AIC, up to 8.
+    """The noise of one output from the residuals of `fit` on `data`, of the order of the least AIC, up to 8.
 
     On the record of the fit it counts only what no parameter can follow, so it is not whitened by the fit itself.
     Raises InputError for several outputs and for records too short to test.
@@ -72,7 +72,7 @@ def noise_model(fit: Fit, data: IOData) -> Noise:
     lengths = [n - skip for n in data.lengths]
     V = np.zeros((len(e), 0))
     if data is fit.record and len(lengths) == 1 and fit.model.channels == (1, 1):
-        J = fit.model.tangent(fit.theta, data.u[:, 0])[1][skip:, fit.model.free]
+        J = fit.model.tangent(fit.theta, data.u[:, 0], data.y)[1][skip:, fit.model.free]
         V = _span(J)
     model = autoregression(e, V, lengths)
     tests = residual_tests(e, np.zeros(len(e)), min(_LAGS, (len(e) - 1) // 2), _LEVEL)

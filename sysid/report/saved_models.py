@@ -107,6 +107,8 @@ def _prediction_method(result: ModelRun) -> str:
             f"A nonlinear ARX model predicts one sample from measured outputs; {k} samples ahead it puts its own "
             "predictions in place of the outputs that it must not know."
         )
+    if fit.predicts:
+        return "An ARMAX model predicts by its own state estimator, from all measured outputs before."
     source = "this record, because the model's file holds none" if fit.noise is None else "the estimation data"
     return (
         "The model has no noise model of its own, so the prediction is the free run plus the forecast of its past "

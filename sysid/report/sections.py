@@ -179,7 +179,7 @@ def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
     ]
     if prediction.growth is not None:
         ahead = f"fit, {prediction.growth.horizon} STEPS ahead, validation data"
-        meaning = "from measured samples so long before, in which errors of the free run grow to 2.7 times"
+        meaning = "each sample from measured samples at least so long before"
         rows.append((ahead, percent(prediction.growth.fit), meaning))
     return rows
 

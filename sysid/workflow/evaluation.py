@@ -243,14 +243,15 @@ def _uncertainty(
 
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
-    """Unit step response [y per u] of the model tangent at u0, until its slowest pole has settled to 1 %."""
+    """Unit step response [y per u] of the model tangent, until its slowest pole settled to 1 % or grew 100 times."""
     from sysid.base.looks import load
 
     load()  # matplotlib, which control imports, whatever its settings are
     import control
 
     poles = np.abs(fit.poles)
-    slowest = min(float(poles.max(initial=0.0)), 0.999)
+    largest = float(poles.max(initial=0.0))
+    slowest = min(largest, 1.0 / max(largest, 1.0), 0.999)
     samples = int(np.clip(np.ceil(np.log(0.01) / np.log(max(slowest, 0.1))), 20, 2000)) + 10
     try:
         tangent = linearize.tangent(fit, u0)

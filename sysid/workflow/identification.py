@@ -121,7 +121,7 @@ def identify_file(
     evaluation = named_channels(evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
     first, *further_files = map(str, record.files or (record.path,))
-    structure_and_fit = evaluation.setting.recipe, evaluation.validation_fit
+    structure_and_fit = evaluation.setting.recipe, evaluation.judged_fit
     advice = tuple(
         advice_after_fit(a, *structure_and_fit).of_file(first, (*further_files, *record.options)) for a in findings
     )

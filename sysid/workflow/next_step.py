@@ -33,7 +33,7 @@ from sysid.workflow.results import Evaluation, Identification, NextStep
 STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
 MUCH = 0.2  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
-_CLASSES = {OutputError.name: 0, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
+_CLASSES = {OutputError.name: 0, Armax.name: 1, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
 _RICHER = 3  # every other structure
 
 
@@ -126,15 +126,20 @@ def _ends(result: Identification) -> NextStep | None:
 
 
 def _loop(result: Identification) -> NextStep | None:
-    """A controller made the input, or the free run's poles are not inside the unit circle: a model that predicts."""
-    e, recipe = result.evaluation, result.evaluation.setting.recipe
-    if isinstance(recipe, Armax | NonlinearArx | ActuatedJoint) or e.outputs:
+    """A controller makes the input, or the plant integrates or is not stable: a model that predicts."""
+    e = result.evaluation
+    if isinstance(e.setting.recipe, Armax | NonlinearArx | ActuatedJoint):
         return None
-    if any(a.topic == "feedback" and a.severity == "warning" for a in result.advice):
-        return NextStep("a controller makes the input out of the output", command(result, structure=Armax.name))
-    if e.motion == Motion.STABLE:
+    topics = {a.topic: a for a in result.advice}
+    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
+    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
+    if at_once or (feedback is not None and feedback.severity == "warning"):
+        reason = "the input seems to come from a controller of the output"
+    elif e.motion == Motion.STABLE:
         return None
-    return NextStep("the plant seems to integrate, or is not stable", command(result, structure=Armax.name))
+    else:
+        reason = "the plant seems to integrate, or is not stable"
+    return NextStep(f"{reason}, where a free run says little", command(result, structure=Armax.name))
 
 
 def _delay(result: Identification) -> NextStep | None:
@@ -331,6 +336,8 @@ def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
         return advice
     if advice.topic == "delay" and np.isfinite(delay := advice.value):
         if {"nb", "nk"} <= set(fitted.orders) and not _holds(fitted, int(delay)):
+            if delay == 0 and isinstance(fitted, Armax):  # the sentence says that a controller may do the same
+                return replace(advice, call="", command=())
             with_delay: dict[str, Any] = {"nk": int(delay)}
             options = _options(replace(fitted, **with_delay))
             return replace(advice, call="", command=("identify", "--structure", fitted.name, *options))

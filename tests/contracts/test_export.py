@@ -42,7 +42,7 @@ def fitted(structure, maps, nk):
     values = iter([MAPS[m][1] for m in maps])
     theta = []
     for b in chain.blocks:
-        own = next(values) if isinstance(b, StaticBlock) else np.concatenate([LINEAR, np.full(b.n_state, 0.7)])
+        own = next(values) if isinstance(b, StaticBlock) else np.concatenate([LINEAR, np.full(b.n_parameters - 4, 0.7)])
         theta.append(own)
     return made(chain, np.concatenate(theta))
 

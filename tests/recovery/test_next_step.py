@@ -68,6 +68,26 @@ def test_end_stops_want_a_joint(seed, capsys):
 
 
 @pytest.mark.parametrize("seed", often(3, 1))
+def test_an_unstable_plant_in_a_loop_wants_a_predictor(seed, capsys):
+    """At the default structure, where the controller answers within the sample, which a delay of 0 would explain."""
+    rng = np.random.default_rng(seed)
+    goal, u, y, x = levels(1000, seed, 25), np.zeros(1000), np.zeros(1000), 0.0
+    for t in range(1000):
+        y[t] = x + 0.02 * rng.normal()
+        u[t] = 0.6 * (goal[t] - y[t])
+        x = 1.05 * x + 0.5 * u[t] + 0.02 * rng.normal()
+    np.savetxt("log.csv", np.column_stack([u, y + 3.0]), "%.9g", ",")
+    poor = identified(["log.csv", "--ts", "0.1", "--starts", "1"], capsys)
+    assert option(poor, "--structure") == "armax"
+    better = followed(poor, capsys)
+    pole = max(better["poles"], key=lambda pole: pole["re"])
+    assert abs(pole["re"] - 1.05) < 0.01
+    assert np.ptp(pole["intervals"]["real"]) < 0.05
+    assert better["fit_percent"]["validation"] < 0.0 < 60.0 < better["one_step_fit_percent"]["ahead"]["fit"]
+    assert better["next"] is None
+
+
+@pytest.mark.parametrize("seed", often(3, 1))
 def test_a_delay_that_the_orders_cannot_hold(seed, capsys):
     u = levels(1200, seed)
     y = scipy.signal.lfilter([0.0] * 7 + [0.3], [1.0, -0.7], u)
