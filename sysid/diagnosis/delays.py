@@ -1,9 +1,9 @@
 """The delay from an input to an output of a record, before any model, and its interval.
 
-Joint tests of the lags say whether there is a response at all. Its delay comes from low-order models: for every delay,
-B/F of a few orders is fitted, and delays whose best model is much less likely are out. Rough models to begin with come
-from the regression's coefficients and their covariance (weighted null-space fitting, Galrinho, Rojas and Hjalmarsson,
-IEEE Transactions on Automatic Control 64(7), 2019).
+Joint tests of the lags say whether there is a response at all. Its delay comes from low-order models: for every delay
+that `delay_range` leaves, B/F of a few orders is fitted, and delays whose best model is much less likely are out. Rough
+models to begin with come from the regression's coefficients and their covariance (weighted null-space fitting,
+Galrinho, Rojas and Hjalmarsson, IEEE Transactions on Automatic Control 64(7), 2019).
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,11 @@ from sysid.diagnosis.low_order import Model, Profile, delay_by, pieces
 from sysid.diagnosis.whitening import Whitened, joint_test, orthonormal_columns, robust_covariance, wald_p_value, whiten
 
 ORDERS = ((1, 1), (1, 2), (2, 1), (2, 2), (2, 3), (3, 1), (3, 2), (3, 3), (4, 1), (4, 2), (4, 3))  # nf, nb
-LONGEST_DELAY = 24  # longest delay that is tried
-_CERTAIN, _LATER_DELAYS = 1e-10, 3  # p-value of a response within the first lags, and how many later delays are tried
-_LEADERS, _ROUNDS = 3, 2
-_HOPELESS = 60.0  # difference of criteria after which delays further away are not tried
+_ZEROS, _ROUNDS = 8, 2
+_MOST_DELAYS = 40  # models of each order; of more likely delays every second, third, ... is tried
+_HOPELESS = 60.0  # difference of rough criteria beyond which a delay is not tried
 _NEW = 1e-8  # part of a lag that later lags leave, below which it adds nothing
-_POLES = (0.9,)  # a further pole to begin with
+_POLES = (0.9, 0.99)  # further poles to begin with
 _REFINED = 3  # passes that follow the weights
 _RIDGE = 1e-7  # of a column's norm: coefficients that the input does not determine are free, not zero
 
@@ -36,30 +35,45 @@ class Delay:
     """Delay nk in samples and its interval low..high; nk is None if no lag has an effect.
 
     `p` is the probability that chance explains all lags together. With feedback, lag 0 may come from the controller and
-    not from the plant. `models` are the likely models, best first.
+    not from the plant. `models` are the likely models, best first. Delays 0..`longest` were tried.
     """
 
     nk: int | None
     low: int
     high: int
     p: float
+    longest: int
     models: tuple[Model, ...] = ()
+
+    @property
+    def limit(self) -> str:
+        """What to say of an interval that ends at the longest delay; empty of any other."""
+        return "" if self.nk is None or self.high < self.longest else at_longest(self.longest)
+
+
+def at_longest(longest: int) -> str:
+    """The sentence on an interval that ends at the longest delay that is tried."""
+    return (
+        f"{longest} samples is the longest delay that a record of this length shows: the delay may be longer; record "
+        "longer to know"
+    )
 
 
 def delay_from_input(white: Whitened, i: int = 0, level: float = 0.01) -> Delay:
     """Delay from input i. `level` is the chance that an input without effect is found to have one."""
-    ps = _nested_p_values(white, i)
-    p = min(1.0, 2.0 * min(float(ps[-1]), _p_value_of_averages(white, i)))
+    ps, start, longest = _nested_p_values(white, i), white.starts[i], white.ranges[i].longest
+    positions = longest + 1 if start else 1  # of the lags: the record chose one
+    p_of_lags = positions * min(float(ps[-1]), _p_value_of_averages(white, i))
+    p = min(1.0, 3.0 * min(p_of_lags, white.ranges[i].p))
     if p >= level:
-        return Delay(None, 0, len(ps) - 1, p)
-    sure = np.flatnonzero(ps < _CERTAIN)
-    latest = min(int(sure[0]) + _LATER_DELAYS if len(sure) else LONGEST_DELAY, LONGEST_DELAY)
-    models = _models(white, i, latest)
+        return Delay(None, 0, longest, p, longest)
+    models, gap = _models(white, i)
     likely_models = tuple(m for m in models if m.criterion <= models[0].criterion + _criterion_difference(level))
     lags = [m.nk for m in likely_models]
     if not _is_adequate(models[0], white):  # then only lags that have an effect for certain bound the delay
-        lags.append(int(np.argmax(ps < level)) if np.any(ps < level) else latest)
-    return Delay(models[0].nk, min(lags), max(lags), p, likely_models)
+        lags.append(start + int(np.argmax(ps < level)) if np.any(ps < level) else longest)
+    low, high = max(min(lags) - gap, 0), min(max(lags) + gap, longest)
+    return Delay(models[0].nk, low, high, p, longest, likely_models)
 
 
 def _is_adequate(m: Model, white: Whitened) -> bool:
@@ -108,31 +122,41 @@ def _nested_p_values(white: Whitened, i: int) -> np.ndarray:
     return ps
 
 
-def _models(white: Whitened, i: int, latest: int) -> list[Model]:
-    """Models of all delays 0..latest and of several orders, best first."""
-    rough = _rough_models(white, i, latest)
+def _models(white: Whitened, i: int) -> tuple[list[Model], int]:
+    """Models of the likely delays and of several orders, best first; how many between two are left out."""
+    rough = _rough_models(white, i)
     if white.data.u.shape[1] > 1:
-        return rough
+        return rough, 0
     parts = pieces(white.data, i, white.output)
     if not parts:
-        return rough
-    profile = Profile(parts)
-    nk, latest = rough[0].nk, min(latest, len(parts[0].u) // 10)
+        return rough, 0
+    likely = white.ranges[i].within(_HOPELESS)
+    step = -(-len(likely) // _MOST_DELAYS)
+    profile = Profile(parts, int(likely[-1]))
+    nk = int(np.argmin(white.ranges[i].criteria))
     denominators = {len(m.f): [m.f] for m in reversed(rough)}
     for _ in range(_ROUNDS):  # the colour of the errors follows the model, the orders the delay
         leaders = _models_at_delay(profile, nk, denominators)
         profile.whiten(leaders[0])
-        denominators = {len(m.f): [m.f] for m in reversed(leaders)}
-        models_by_orders = {(m.nk, len(m.f), len(m.b)): m for m in _models_at_delay(profile, nk, denominators)}
-        for m in sorted(models_by_orders.values(), key=_criterion)[:_LEADERS]:
-            _sweep_delays(profile, m, latest, models_by_orders)
-        for m in sorted(models_by_orders.values(), key=_criterion)[:_LEADERS]:
-            for k in range(1, min(len(m.b), latest - m.nk + 1)):  # leading zeros of b are delay
+        orders = {(m.nk, len(m.f), len(m.b)): m.f for m in leaders}
+        models_by_orders = {key: profile.model(*key, f) for key, f in orders.items()}
+        for m in _leaders(models_by_orders):
+            _sweep_delays(profile, m, likely[::step], models_by_orders)
+        for m in _leaders(models_by_orders) if step > 1 else ():
+            _sweep_delays(profile, m, likely[np.abs(likely - m.nk) < step], models_by_orders)
+        for m in sorted(models_by_orders.values(), key=_criterion)[:_ZEROS]:
+            for k in range(1, min(len(m.b), int(likely[-1]) - m.nk + 1)):  # leading zeros of b are delay
                 key = (m.nk + k, len(m.f), len(m.b) - k)
                 models_by_orders.setdefault(key, profile.model(*key, m.f))
         models = sorted(models_by_orders.values(), key=_criterion)
         nk, denominators = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
-    return models
+    return models, step - 1
+
+
+def _leaders(models_by_orders: dict[tuple[int, int, int], Model]) -> list[Model]:
+    """The best model of every number of poles: a wrong delay is best with too many."""
+    ranked = sorted(models_by_orders.values(), key=_criterion)
+    return list({len(m.f): m for m in reversed(ranked)}.values())
 
 
 def _models_at_delay(profile: Profile, nk: int, denominators: dict[int, list[np.ndarray]]) -> list[Model]:
@@ -148,26 +172,26 @@ def _models_at_delay(profile: Profile, nk: int, denominators: dict[int, list[np.
     return sorted(fitted_models, key=_criterion)
 
 
-def _sweep_delays(profile: Profile, m: Model, latest: int, models_by_orders: dict[tuple[int, int, int], Model]) -> None:
+def _sweep_delays(
+    profile: Profile, m: Model, delays: np.ndarray, models_by_orders: dict[tuple[int, int, int], Model]
+) -> None:
     """Models of the same orders at all other delays, each from its neighbour."""
-    for way in (range(m.nk - 1, -1, -1), range(m.nk + 1, latest + 1)):
+    for way in (delays[delays < m.nk][::-1], delays[delays > m.nk]):
         f = m.f
         for k in way:
-            key = (k, len(m.f), len(m.b))
+            key = (int(k), len(m.f), len(m.b))
             if key not in models_by_orders:
-                models_by_orders[key] = profile.model(k, len(m.f), len(m.b), f)
+                models_by_orders[key] = profile.model(*key, f)
             f = models_by_orders[key].f
-            if models_by_orders[key].criterion > m.criterion + _HOPELESS:
-                break
 
 
 def _criterion(m: Model) -> float:
     return m.criterion
 
 
-def _rough_models(white: Whitened, i: int, latest: int) -> list[Model]:
+def _rough_models(white: Whitened, i: int) -> list[Model]:
     """The same from the coefficients of the regression alone."""
-    p = white.order
+    p, start = white.order, white.starts[i]
     norm = np.linalg.norm(white.X, axis=0)
     norm = np.where(norm > 0, norm, 1.0)
     n = len(norm)
@@ -184,16 +208,16 @@ def _rough_models(white: Whitened, i: int, latest: int) -> list[Model]:
     for nf, nb in ((1, 2), (2, 2), (3, 2), (4, 3)) if white.data.u.shape[1] == 1 else ORDERS:
         if nf + nb > p:
             continue
-        for nk in range(min(latest, p + 1 - nb) + 1):
+        for nk in range(p + 2 - nb):
             b, f, cost = _fit_null_space(a, g, half, nk, nb, nf)
             if np.isfinite(cost):
                 candidates.append((nk, b, f, cost, nf + nb))
     if not candidates:
-        return [Model(latest, np.zeros(1), np.zeros(0), 0.0, np.inf)]
+        return [Model(white.starts[i], np.zeros(1), np.zeros(0), 0.0, np.inf)]
     # Coefficients of a linear model of a nonlinear plant scatter more than their covariance says.
     excess = max(1.0, min(cost / max(p + 1 - d, 1) for *_, cost, d in candidates))
     price = float(np.log(len(e)))
-    models = [Model(nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in candidates]
+    models = [Model(start + nk, b, f, cost / excess + price * d, 0.0) for nk, b, f, cost, d in candidates]
     return sorted(models, key=lambda m: m.criterion)
 
 
@@ -227,7 +251,8 @@ def _fit_null_space(
 class DelayEstimate:
     """Delay nk and its interval low..high in samples of Ts [s]; nk is None where no lag of the input has an effect.
 
-    `p` is the probability that chance explains all lags together, `level` the confidence of the interval.
+    `p` is the probability that chance explains all lags together, `level` the confidence of the interval. Delays
+    0..`longest` were tried: an interval that ends there may be too short.
     """
 
     nk: int | None
@@ -236,6 +261,7 @@ class DelayEstimate:
     p: float
     Ts: float
     level: float
+    longest: int
 
     def __str__(self) -> str:
         if self.nk is None:
@@ -244,7 +270,8 @@ class DelayEstimate:
         interval = (
             "" if self.low == self.high else f", {self.low} to {self.high} with {100 * self.level:g} % confidence"
         )
-        return f"nk = {self.nk} ({self.nk * self.Ts:g} s){interval}"
+        limit = f"; {at_longest(self.longest)}" if self.high >= self.longest else ""
+        return f"nk = {self.nk} ({self.nk * self.Ts:g} s){interval}{limit}"
 
 
 @checked(late=True)
@@ -252,7 +279,8 @@ def delay(data: IOData, input: int = 0, output: int = 0, level: float = 0.99) ->
     """The delay nk of a model from input to output, both numbered from 0, with an interval of the confidence `level`.
 
     nk 1 is the least of a plant that is sampled before its input changes. Low-order models of every delay are compared,
-    their errors whitened, so that slow noise neither hides nor feigns a delay. The first 20,000 samples are used.
+    their errors whitened, so that slow noise neither hides nor feigns a delay. The first 3000 samples decide, and their
+    fifth is the longest delay that is tried.
     Raises InputError for a channel that is not there, for a level that is no probability, and for a record that is too
     short or constant.
     """
@@ -265,5 +293,5 @@ def delay(data: IOData, input: int = 0, output: int = 0, level: float = 0.99) ->
         white = whiten(data, output)
         if white is None:
             raise InputError(f"{data.N} samples are too few, or constant, to see a delay; record more")
-        estimate = delays.delay_from_input(white, input, 1.0 - level)
-    return DelayEstimate(estimate.nk, estimate.low, estimate.high, estimate.p, data.Ts, level)
+        e = delays.delay_from_input(white, input, 1.0 - level)
+    return DelayEstimate(e.nk, e.low, e.high, e.p, data.Ts, level, e.longest)

@@ -4,7 +4,7 @@ The errors are whitened by an autoregression, so that their colour neither hides
 Identification, 2nd ed. 1999, section 10.4: output error of filtered data). Orders and delay are weighed by BIC.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
@@ -14,7 +14,7 @@ from sysid.data.record import IOData
 
 _STEPS = 6
 _COLOURS = 12  # highest order of the autoregression
-_LARGEST = 0.99995  # radius of a pole
+_LARGEST = 1.0 - 1e-9  # radius of a pole: an integrator drifts nowhere within a record
 MOST = 3000  # samples
 
 
@@ -54,20 +54,27 @@ def pieces(data: IOData, i: int, j: int) -> list[Piece]:
 
 @dataclass(frozen=True)
 class _Solution:
-    """Loss, b and errors for one denominator; the columns of each experiment, and all of them whitened."""
+    """Loss, b and errors for one denominator; the columns X of all experiments, whitened.
+
+    `responses` are those of each experiment to the input and to its initial state.
+    """
 
     loss: float
     b: np.ndarray
     e: np.ndarray
-    each: list[np.ndarray]
+    responses: list[np.ndarray]
     X: np.ndarray
 
 
 class Profile:
-    """Models of a record by delay and orders; `colour` (m + 1,) is the filter that whitens the errors."""
+    """Models of a record by delay and orders; `colour` (m + 1,) is the filter that whitens the errors.
 
-    def __init__(self, parts: list[Piece]):
-        self.parts = parts
+    The outputs of the first `begin` samples are left out: longer delays than that lack their inputs.
+    """
+
+    def __init__(self, parts: list[Piece], begin: int = 0):
+        self.parts = [replace(p, seen=p.seen & (np.arange(len(p.y)) >= begin)) for p in parts]
+        self.begin = begin
         self.colour = np.ones(1)
 
     def model(self, nk: int, nf: int, nb: int, f: np.ndarray) -> Model:
@@ -112,15 +119,17 @@ class Profile:
 
     def _solve(self, nk: int, nb: int, f: np.ndarray) -> "_Solution":
         """The best b for a denominator; initial states and a constant belong to each experiment."""
-        columns = [_free(f, len(p.u), p.u, nk, nb) for p in self.parts]
+        columns = [_free(f, p.u, nk, nb, self.begin) for p in self.parts]
         X, y = self._stack(columns, nb)
         c, e = _least(X, y)
-        return _Solution(float(e @ e), c[:nb], e, columns, X)
+        own = c[nb:].reshape(len(columns), -1)[:, :-1]  # states, without the constant
+        responses = [x[:, :-1] @ np.concatenate([c[:nb], state]) for x, state in zip(columns, own, strict=True)]
+        return _Solution(float(e @ e), c[:nb], e, responses, X)
 
     def _step(self, f: np.ndarray, solution: "_Solution") -> np.ndarray:
         """Gauss-Newton step of f with b and the initial states solved for (variable projection, Kaufman's form)."""
-        nf, nb, den = len(f), len(solution.b), np.concatenate([[1.0], f])
-        slopes = [lfilter([1.0], den, -(free[:, :nb] @ solution.b)) for free in solution.each]
+        nf, den = len(f), np.concatenate([[1.0], f])
+        slopes = [lfilter([1.0], den, -response) for response in solution.responses]
         columns = [np.column_stack([delay_by(s, j) for j in range(1, nf + 1)]) for s in slopes]
         J = self._stack(columns, nf)[0]
         return _least(np.column_stack([J, solution.X]), solution.e)[0][:nf]
@@ -138,12 +147,12 @@ class Profile:
         return np.concatenate(rows), np.concatenate(ys)
 
 
-def _free(f: np.ndarray, n: int, u: np.ndarray, nk: int, nb: int) -> np.ndarray:
-    """Columns (n, nb + nf + 1): the delayed inputs behind 1/F, the free responses of F, and a constant."""
-    den = np.concatenate([[1.0], f])
+def _free(f: np.ndarray, u: np.ndarray, nk: int, nb: int, begin: int) -> np.ndarray:
+    """Columns (n, nb + nf + 1): the delayed inputs behind 1/F, the responses of F to a state at `begin`, a constant."""
+    den, n = np.concatenate([[1.0], f]), len(u)
     w = lfilter([1.0], den, u)
     impulse = np.zeros(n)
-    impulse[0] = 1.0
+    impulse[begin] = 1.0
     g = lfilter([1.0], den, impulse)
     return np.column_stack(
         [*(delay_by(w, nk + k) for k in range(nb)), *(delay_by(g, k) for k in range(len(f))), np.ones(n)]

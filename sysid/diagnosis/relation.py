@@ -53,7 +53,7 @@ def _drift(y: str, white: Whitened) -> Advice:
 
 def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> Advice:
     """No linear effect: of a nonlinear one, or of none, which wakes the suspicion that the columns are not a pair."""
-    lags = f"lags 0..{white.order} of {u}"
+    lags = f"lags 0..{d.high} of {u}"
     p = bent_effect(white, i)
     if p < LEVEL:
         return Advice(
@@ -87,15 +87,16 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
 
 
 def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
-    advise_relation = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
-    sentence = f"{y} responds to {u} after {nk} sample(s){advise_relation} ({probability(d.p)} without any response)"
+    interval = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
+    sentence = f"{y} responds to {u} after {nk} sample(s){interval} ({probability(d.p)} without any response)"
+    sentence += f"; {d.limit}" if d.limit else ""
     if nk == 0:
         action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
         return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))
     action = f"use nk={nk}"
     if d.low < d.high:
         action += f", and compare fits with nk {d.low} to {d.high}"
-    return Advice("delay", sentence, nk, action, "fine", (d.low, d.high), *_orders(nk))
+    return Advice("delay", sentence, nk, action, "note" if d.limit else "fine", (d.low, d.high), *_orders(nk))
 
 
 def _orders(nk: int) -> tuple[str, tuple[str, ...]]:

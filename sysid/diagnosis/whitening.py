@@ -15,6 +15,8 @@ from scipy.signal import lfilter, lfiltic
 from scipy.special import fdtrc
 
 from sysid.data.record import IOData
+from sysid.diagnosis.delay_range import DelayRange, delay_ranges
+from sysid.diagnosis.finding import LEVEL
 
 _NEW_DIRECTION = 1e-6  # part of a column that is left after the others, below which it adds nothing
 _LEVERAGE = 0.5  # largest that counts: rows that determine their own value have no error to judge by
@@ -97,19 +99,24 @@ class Regression:
 
 @dataclass(frozen=True)
 class Whitened:
-    """Regression of output j of a record on the past: order p and the columns of each input's lags 0..p."""
+    """Regression of output j of a record on the past: order p and the columns of p + 1 lags of each input.
+
+    The lags of an input begin at the first delay that `ranges` does not exclude.
+    """
 
     data: IOData
     output: int
     order: int
     regression: Regression
-    X: np.ndarray  # columns: one, y(t-1)..y(t-p), then lags 0..p of every input
+    X: np.ndarray  # columns: one, y(t-1)..y(t-p), then p + 1 lags of every input
     y: np.ndarray
     times: np.ndarray  # sample number of each row
     rows: tuple[np.ndarray, ...]  # rows of each experiment, numbered within it
+    ranges: tuple[DelayRange, ...]
+    starts: tuple[int, ...]  # first lag of each input
 
     def lags(self, i: int) -> slice:
-        """Columns of input i, lags 0..p."""
+        """Columns of input i, lags s..s + p from its first one."""
         start = 1 + self.order + i * (self.order + 1)
         return slice(start, start + self.order + 1)
 
@@ -152,10 +159,12 @@ def whiten(data: IOData, output: int = 0) -> Whitened | None:
     usable = [p for p in ORDERS if p * lags_of * 8 + _LEAST <= min(data.N, LONGEST)]
     if not usable:
         return None
+    ranges = delay_ranges(data, output, LEVEL)
+    starts = tuple(max(r.first(LEVEL) - 1, 0) for r in ranges)
     # All orders use the same rows; otherwise AIC would compare different data.
     first, best, best_aic = usable[-1], None, np.inf
     for p in usable:
-        X, y, times, rows = _design(data, output, p, first)
+        X, y, times, rows = _design(data, output, p, first, starts)
         if len(y) < X.shape[1] + _LEAST:
             break
         c = np.linalg.lstsq(X, y, rcond=1e-10)[0]
@@ -166,8 +175,8 @@ def whiten(data: IOData, output: int = 0) -> Whitened | None:
             best, best_aic = p, aic
     if best is None:
         return None
-    X, y, times, rows = _design(data, output, best, best)
-    return Whitened(data, output, best, regress(X, y), X, y, times, rows)
+    X, y, times, rows = _design(data, output, best, best, starts)
+    return Whitened(data, output, best, regress(X, y), X, y, times, rows, ranges, starts)
 
 
 def _pieces(data: IOData) -> list[IOData]:
@@ -181,17 +190,17 @@ def _pieces(data: IOData) -> list[IOData]:
 
 
 def _design(
-    data: IOData, output: int, p: int, first: int
+    data: IOData, output: int, p: int, first: int, starts: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Columns, output, sample numbers and rows of each experiment, from its sample `first` on, without gaps."""
     blocks, ys, times, rows, start = [], [], [], [], 0
     for e in _pieces(data):
-        t = np.arange(first, e.N)
+        t = np.arange(first + max(starts), e.N)
         observed = e.observed[:, output]
         for k in range(p + 1):
             t = t[observed[t - k]]
         past = [e.y[t - k, output] for k in range(1, p + 1)]
-        inputs = [e.u[t - k, i] for i in range(e.u.shape[1]) for k in range(p + 1)]
+        inputs = [e.u[t - s - k, i] for i, s in enumerate(starts) for k in range(p + 1)]
         blocks.append(np.column_stack([np.ones(len(t)), *past, *inputs]))
         ys.append(e.y[t, output])
         times.append(start + t)
@@ -209,10 +218,13 @@ def free_run(white: Whitened) -> np.ndarray:
     a, runs = np.concatenate([[1.0], -c[1 : p + 1]]), []
     for e, rows in zip(_pieces(white.data), white.rows, strict=True):
         observed, y = e.observed[:, white.output], e.y[:, white.output]
-        first = np.where(observed, y, y[observed].mean() if observed.any() else 0.0)[:p]
-        forcing = c[0] + sum(lfilter(c[white.lags(i)], [1.0], e.u[:, i]) for i in range(e.u.shape[1]))
+        begin = p + max(white.starts)
+        first = np.where(observed, y, y[observed].mean() if observed.any() else 0.0)[:begin]
+        forcing = c[0] + sum(
+            lfilter(np.r_[np.zeros(s), c[white.lags(i)]], [1.0], e.u[:, i]) for i, s in enumerate(white.starts)
+        )
         with np.errstate(over="ignore", invalid="ignore"):
-            response = lfilter([1.0], a, forcing[p:], zi=lfiltic([1.0], a, first[::-1]))[0]
+            response = lfilter([1.0], a, forcing[begin:], zi=lfiltic([1.0], a, first[::-1]))[0]
         runs.append(np.concatenate([first, response])[rows])
     return np.concatenate(runs)
 
@@ -249,7 +261,9 @@ def nonlinearity(white: Whitened, nk: int = 1) -> Nonlinearity | None:
     """
     p = white.order
     lags = [
-        white.lags(i).start + k for i in range(white.data.u.shape[1]) for k in range(min(nk, p), min(nk + 2, p) + 1)
+        white.lags(i).start + k
+        for i, s in enumerate(white.starts)
+        for k in range(min(max(nk - s, 0), p), min(max(nk - s, 0) + 2, p) + 1)
     ]
     signals = [white.X[:, k] for k in (*lags, 1, 2)]
     standardised = [(s - s.mean()) / (s.std() or 1.0) for s in signals]

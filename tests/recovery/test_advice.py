@@ -293,6 +293,30 @@ def test_no_answer_and_direct_answer():
     assert "within the sample" in direct.action
 
 
+def long_delay(nk, kind, rng, n=800):
+    u = np.repeat(rng.choice([-1.0, 1.0], n), rng.integers(20, 40, n))[:n] if kind == "sweep" else held(rng, n)
+    y = lfilter(np.r_[np.zeros(nk), 0.1], [1, -0.9], u)
+    return IOData(u, y + 0.1 * y.std() * rng.normal(size=n), 1.0)
+
+
+@pytest.mark.parametrize("kind", ["held", "sweep"])
+@pytest.mark.parametrize("nk", [2, 40, 90, 150])
+def test_the_range_of_delays_follows_the_record(nk, kind):
+    for seed in range(3):
+        found = told(long_delay(nk, kind, np.random.default_rng([24, nk, seed])))["delay"]
+        assert found.interval[0] <= nk <= found.interval[1]
+        assert found.interval[1] - found.interval[0] <= 10
+        assert "longest delay" not in found.sentence
+
+
+def test_an_interval_at_the_longest_delay_says_so():
+    for nk in (160, 163):
+        found = told(long_delay(nk, "held", np.random.default_rng([25, nk])))["delay"]
+        assert found.interval[1] == 160
+        assert "160 samples is the longest delay" in found.sentence
+        assert found.severity == "note"
+
+
 def test_several_channels_experiments_and_gaps():
     rng = np.random.default_rng(15)
     u = rng.normal(size=(1500, 2))
