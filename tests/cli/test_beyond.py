@@ -1,7 +1,9 @@
 """The actuated joint on the twin: identified from a file, beside the paper's structure, and with parts left out."""
 
+import io
 import json
 import runpy
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
@@ -56,9 +58,18 @@ def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, caps
     assert {v["unit"] for v in summary["values"]} == {"deg/s/V", "s", "V", "deg"}
 
 
-def test_a_joint_is_written_as_json_c_python_and_text(plain_log, tmp_path):
-    out = tmp_path / "out"
-    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]) == 0
+@pytest.fixture(scope="module")
+def identified(plain_log, tmp_path_factory):
+    """What `qpal identify` printed of a joint from one start, and the folder of its results."""
+    out, printed = tmp_path_factory.mktemp("identified") / "out", io.StringIO()
+    with redirect_stdout(printed):
+        words = ["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]
+        assert main(words) == 0
+    return out, printed.getvalue()
+
+
+def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
+    out, _ = identified
     assert {path.name for path in out.glob("model.*")} == {"model.json", "model.c", "model.py"}
     fit, summary = sysid.load(out / "model.json"), json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert fit.model.structure == "actuated_joint"
@@ -107,16 +118,15 @@ def test_data_sheets_come_in_by_options_and_bad_ones_end_in_a_sentence(plain_log
     assert not (tmp_path / "bad").exists()
 
 
-def test_the_report_shows_what_the_joint_was_tried_with(plain_log, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]) == 0
+def test_the_report_shows_what_the_joint_was_tried_with(identified):
+    out, printed = identified
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     growth, names = summary["growth"], {p["name"] for p in summary["parameters"]}
     assert summary["setting"]["search"] == "lm"
     assert {step["part"] for step in growth["steps"] if step["round"] == 0} >= {"stribeck", "loss", "jams", "coasts"}
     assert ("play.width" in names) == bool({"plays", "coasts"} & set(growth["parts"]))
     assert (out / "figures" / "growth.png").exists()
-    assert "dry friction and a position-dependent load" in capsys.readouterr().out
+    assert "dry friction and a position-dependent load" in printed
 
 
 @pytest.fixture(scope="module")

@@ -77,5 +77,5 @@ def test_limits_that_cannot_be_are_refused_before_the_fit(first, tmp_path, monke
 def test_a_record_that_is_no_joint_and_targets_that_are_none_are_refused(first, capsys):
     assert main(["design", str(first), "--for", "rust"]) == 2
     assert "--for has 'rust'; give some of ends, breakaway, backlash" in capsys.readouterr().err
-    assert main(["design", str(first), "--volts", "1"]) == 2
+    assert main(["design", str(first), "--volts", "1", "--seconds", "1e-9"]) == 2  # with any joint
     assert "may not exceed 1; allow larger inputs or speeds" in capsys.readouterr().err

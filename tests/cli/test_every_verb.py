@@ -3,7 +3,7 @@
 import inspect
 import json
 import re
-from functools import cache
+import shutil
 from typing import get_args
 
 import pytest
@@ -22,18 +22,21 @@ REPORTING = [verb.__name__ for verb in app.VERBS if verb not in app.SHOWN]
 SHARED = ("input", "output", "time", "params", "out", "as_json")  # one text wherever they are
 
 
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A record of y_t = 0.8 y_{t-1} + u_{t-1}, a saved model of it, and a log of the leg."""
+    made = tmp_path_factory.mktemp("files")
+    write_lag(made)
+    twin.Experiment("shoulder", "sweep", 8.0, 0.05, options={"half_period": 2.0}).run().save(made / "leg.csv")
+    return made
+
+
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
-    """A working folder with a record of y_t = 0.8 y_{t-1} + u_{t-1}, and a saved model of it."""
+def folder(files, tmp_path, monkeypatch):
+    """A working folder with these files."""
     monkeypatch.chdir(tmp_path)
-    write_lag(tmp_path)
-    leg().save("leg.csv")
+    shutil.copytree(files, tmp_path, dirs_exist_ok=True)
     return tmp_path
-
-
-@cache
-def leg():
-    return twin.Experiment("shoulder", "sweep", 8.0, 0.05, options={"half_period": 2.0}).run()
 
 
 def options_of(verb):

@@ -226,9 +226,9 @@ def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "failure", [OSError(28, "No space left on device"), RuntimeError("a bug"), KeyboardInterrupt()]
+    ("failure", "existing"),
+    [(OSError(28, "No space left on device"), True), (RuntimeError("a bug"), False), (KeyboardInterrupt(), True)],
 )
-@pytest.mark.parametrize("existing", [False, True])
 def test_a_run_that_fails_while_writing_leaves_nothing(failure, existing, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])

@@ -1,6 +1,7 @@
 """Experiments: repeatable, sampled as promised, bounded, and refusing what they cannot do."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 
 import mujoco
@@ -40,12 +41,18 @@ def test_noise_does_not_change_the_excitation() -> None:
     np.testing.assert_array_equal(noisy.y_true, quiet.y)
 
 
+@cache  # every switch of a joint stands beside the same log
+def switched(joint: str, excitation: str, height: float | None, *without: str) -> Log:
+    p = Parameters({} if height is None else {"bench_height": height})
+    return Experiment(joint, excitation, 20.0, without=without, parameters=p).run()
+
+
 @pytest.mark.parametrize("joint", JOINTS)
 @pytest.mark.parametrize("switch", IMPERFECTIONS)
 def test_every_switch_changes_the_log(joint: str, switch: str) -> None:
-    low = Parameters({"bench_height": 0.33} if switch == "contact" else {})  # the foot reaches the floor
+    low = 0.33 if switch == "contact" else None  # [m] the foot reaches the floor
     excitation = "sweep" if switch in ("contact", "end_stops") else "aprbs"
-    full, less = (Experiment(joint, excitation, 20.0, without=w, parameters=low).run() for w in ((), (switch,)))
+    full, less = switched(joint, excitation, low), switched(joint, excitation, low, switch)
     np.testing.assert_array_equal(full.u, less.u)
     if (joint, switch) == ("shoulder", "gravity"):
         # Its axis is vertical: gravity only turns the last digits, of what the foot rubs on too.

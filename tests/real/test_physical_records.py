@@ -83,6 +83,7 @@ def test_pendulum_twin_beats_every_chain_on_the_held_out_logs(records):
     assert best.stall_torque == pytest.approx(servo.FIRST.stall_torque, rel=0.1)
 
 
+@pytest.mark.nightly
 def test_servo_from_goal_to_angle_beats_every_model_from_volts(records):
     """XL330, goal to angle at a held-out gain: 0.047 rad reached by the model of least BIC in training, the last."""
     servo = pytest.importorskip("servo_goal")
