@@ -158,12 +158,25 @@ def test_the_free_run_of_a_joint_has_units_on_its_axes(joint):
     assert [panel.y.label for panel in report.free_run_figure(result).panels] == ["input u [V]", "output y [deg]"]
 
 
+def _evaluation(fit, notes, estimation_fit, validation_fit):
+    """What `identify` hands to the export, of a model judged in free run."""
+    return SimpleNamespace(
+        fit=fit,
+        notes=notes,
+        estimation_fit=estimation_fit,
+        validation_fit=validation_fit,
+        judged="free run",
+        judged_fit=validation_fit,
+        tests=None,
+    )
+
+
 def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, monkeypatch, capsys):
     fit, notes = (
         sysid.load(joint / "model.json"),
         ("the gain has the WRONG SIGN: so it does", "a word on the input map"),
     )
-    told = SimpleNamespace(fit=fit, notes=notes, estimation_fit=80.0, validation_fit=-66.2, tests=None)
+    told = _evaluation(fit, notes, 80.0, -66.2)
     monkeypatch.chdir(tmp_path)
     export(told, tmp_path)
     assert main(["export", "model.json", "--c", "--json", "--out", "out"]) == 0
@@ -173,7 +186,7 @@ def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, 
     assert not any("word on the input map" in text for text in found["warnings"])
     assert main(["export", "model.json", "--matlab", "--out", "out2"]) == 0
     assert "Do NOT use this model: the free run fits" in " ".join(capsys.readouterr().out.split())
-    good = SimpleNamespace(fit=fit, notes=notes[1:], estimation_fit=99.0, validation_fit=98.0, tests=None)
+    good = _evaluation(fit, notes[1:], 99.0, 98.0)
     (tmp_path / "good").mkdir()
     export(good, tmp_path / "good")
     assert sysid.load(tmp_path / "good" / "model.json").warnings == fit.warnings
