@@ -15,7 +15,7 @@ from often import often
 import twin
 from sysid.diagnosis.residuals import poor
 from sysid.selection.table import Selection
-from sysid.structures import HammersteinWiener
+from sysid.structures import OutputError
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import next_step
 from sysid.workflow.setting import Setting
@@ -175,9 +175,10 @@ def test_the_console_and_the_report_say_it(capsys):
 
 @pytest.mark.parametrize(("left_out", "journal"), [(0, None), (7, None), (7, "a journal.jsonl")])
 def test_a_search_that_had_no_time_for_all_goes_on_from_its_journal(left_out, journal):
-    """The fit is of a plant with end stops, poor as a Hammerstein-Wiener model; the rest of the table is made up."""
-    twin.Experiment("thigh", "sweep", 60.0, TS, 1).run().save("log.csv")
-    plain = identify_file("log.csv", Setting(HammersteinWiener(), starts=1))
+    """The fit is of a plant that folds its input, poor as a linear model; the rest of the table is made up."""
+    u = levels(1200, 0)
+    written("log.csv", u, scipy.signal.lfilter([0.0, 0.3], [1.0, -0.7], u**2), 0, 0.02)
+    plain = identify_file("log.csv", Setting(OutputError(), starts=1), Ts=0.1)
     assert poor(plain.evaluation.validation_fit, plain.evaluation.tests)
     path = None if journal is None else Path(journal)
     searched = Selection((), None, plain.evaluation.fit, (), 50.0, 50.0, left_out, path)
