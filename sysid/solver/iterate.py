@@ -14,6 +14,7 @@ from scipy.linalg.lapack import dgeqrt
 from sysid.base.checks import checked
 
 _EPS = np.finfo(float).eps
+_GRAIN = 1e-3  # of a standard deviation: the grid of the iterates, see `Linearisation.grain`
 _LARGEST = 1e150  # derivative: squares of larger ones are not numbers
 _PANEL = 16  # columns in one step of a QR
 _ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
@@ -113,6 +114,13 @@ def column_scale(J: np.ndarray) -> np.ndarray:
     return np.where(norm > 1e-30 * norm.max(initial=0.0), norm, np.inf)
 
 
+def rounded(p: np.ndarray, grain: np.ndarray) -> np.ndarray:
+    """p (P,) as multiples of `grain` (P,), where that is not 0 and p is finite."""
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        steps = p / grain
+        return np.where(np.abs(steps) < 2.0**52, np.round(steps) * grain, p)
+
+
 class Rows:
     """The rows of e and J, added in pieces and kept as the triangle of a QR of [J e]: its size is that of J's columns.
 
@@ -177,6 +185,16 @@ class Linearisation:
         """u'z, s, V of R with columns of unit norm, so that units do not decide which directions count as zero."""
         U, s, Vt = np.linalg.svd(self.R / self.scale)
         return U.T @ self.z, s, Vt.T
+
+    @cached_property
+    def grain(self) -> np.ndarray:
+        """Powers of two (P,), at most a thousandth of the standard deviation of each parameter by itself.
+
+        Iterates are multiples of these: what another processor changes in the last digits of a step is then rounded
+        away instead of growing from step to step, and the loss is higher by at most P 1e-6 / N of it.
+        """
+        size = np.sqrt(self.cost / max(self.N, 1)) / self.scale
+        return np.where(size > 0.0, np.exp2(np.floor(np.log2(np.where(size > 0.0, _GRAIN * size, 1.0)))), 0.0)
 
     @property
     def noise_floor(self) -> float:
@@ -328,9 +346,9 @@ def iterate(
         """The cost at p + delta, repaired where it leaves the bounds, and the step that was taken."""
         nonlocal evaluations
         evaluations += 1
-        step = np.zeros_like(p)
-        step[moving] = delta
-        target = problem.repair(p + step)
+        target = p.copy()
+        target[moving] = rounded(p[moving] + delta, lin.grain)
+        target = problem.repair(target)
         e = problem.residual(target)
         with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not
             trial = float(e @ e) if e is not None else np.inf
