@@ -60,6 +60,12 @@ class ChainProblem:
         return np.zeros(int(self.moving.sum()) + (len(self.records) - 1) * int(self.experiment_states.sum()))
 
     @cached_property
+    def anchor(self) -> np.ndarray:
+        """theta0 in the directions of p: a search rounds the parameters, not what they have changed by."""
+        first = np.linalg.solve(self.chain.basis, self.theta0[0])[self.moving]
+        return np.concatenate([first, self.theta0[1:, self.experiment_states].ravel()])
+
+    @cached_property
     def size(self) -> float:
         """y'y."""
         return float(sum(np.sum(r.y**2) for r in self.records))

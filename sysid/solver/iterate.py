@@ -54,6 +54,14 @@ class Compact(Protocol):
         ...
 
 
+@runtime_checkable
+class Anchored(Protocol):
+    """A problem whose p counts from an anchor (P,): points are rounded as anchor + p."""
+
+    @property
+    def anchor(self) -> np.ndarray: ...
+
+
 @checked
 @dataclass(frozen=True)
 class Options:
@@ -333,6 +341,7 @@ def iterate(
 ) -> Outcome:
     """Run `search` from p0 (P,) until the expected improvement is below the tolerance, or a limit is reached."""
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
+    anchor = problem.anchor if isinstance(problem, Anchored) else np.zeros(len(p))
     memory: dict[str, Any] = {}
     history: list[dict[str, Any]] = []
     trials: list[tuple[np.ndarray, np.ndarray]] = []
@@ -347,7 +356,7 @@ def iterate(
         nonlocal evaluations
         evaluations += 1
         target = p.copy()
-        target[moving] = rounded(p[moving] + delta, lin.grain)
+        target[moving] = rounded((anchor + p)[moving] + delta, lin.grain) - anchor[moving]
         target = problem.repair(target)
         e = problem.residual(target)
         with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not
