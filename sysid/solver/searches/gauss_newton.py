@@ -2,8 +2,6 @@
 
 from typing import Any
 
-import numpy as np
-
 from sysid.solver.iterate import Attempt, Linearisation, Options, Step, halve
 
 _GAMMA = 1e-4  # start of the adaptive threshold; times 2 after five halvings, a quarter after a full step
@@ -54,8 +52,7 @@ class LevenbergMarquardt:
             drop = lin.predicted(delta)
             if cost < lin.cost - 1e-4 * max(drop, 0.0):
                 ratio = (lin.cost - cost) / drop if drop > 0 else 0.0
-                factor = max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3)
-                memory["damping"] = max(damping * 2.0 ** round(np.log2(factor)), _FLOOR)
+                memory["damping"] = max(damping * max(0.1, 1.0 - (2.0 * ratio - 1.0) ** 3), _FLOOR)
                 return Step(delta, cost, self.name)
             damping *= growth
             growth = min(growth * _FACTOR, 64.0)  # doubles at first, then faster: most failures need much more
