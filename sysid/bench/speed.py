@@ -18,7 +18,7 @@ from sysid.estimation.problem import ChainProblem
 from sysid.fitting import fit
 from sysid.model.chain import Chain
 from sysid.model.system import System
-from sysid.solver.iterate import Linearisation
+from sysid.solver.linearisation import Linearisation
 from sysid.structures import hammerstein_wiener
 from sysid.systems import system
 

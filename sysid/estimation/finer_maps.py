@@ -18,7 +18,7 @@ from sysid.estimation.normal import Normal
 from sysid.estimation.prior import Prior
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Linearisation
+from sysid.solver.linearisation import Linearisation
 
 _ROUNDS, _ITERATIONS, _UPDATES = 8, 5, 80  # linearisations, steps of the search in each, and updates of the widths
 _LAST = 40  # steps with the last widths

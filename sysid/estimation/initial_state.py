@@ -12,7 +12,7 @@ from sysid.estimation.state_priors import state_space_of
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options
 
-_SEARCH = Options(max_iterations=50)
+_SEARCH = Options(max_iterations=50, grain=0.0)
 _POOR = 0.25  # of the output's variance, left by a state from which a map behind the linear block may be flat
 _FIRST = 20  # samples that give a motor's initial position
 

@@ -11,7 +11,8 @@ from sysid.estimation.objective import huber
 from sysid.estimation.prior import Prior
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance, covariance, effective_count, rank
-from sysid.solver.iterate import Linearisation, Options, Rows, iterate
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.linearisation import Linearisation, Rows
 from sysid.solver.searches import LevenbergMarquardt
 
 LONG = 40_000  # samples from which a record is taken in pieces

@@ -20,7 +20,8 @@ from sysid.nlarx.problem import Piece, SimulationProblem, limit
 from sysid.nlarx.result import Choice, NlarxFit
 from sysid.nlarx.starts import Run, linear_start, runs_of
 from sysid.solver.covariance import Covariance, covariance
-from sysid.solver.iterate import Linearisation, Options
+from sysid.solver.iterate import Options
+from sysid.solver.linearisation import Linearisation
 from sysid.solver.searches import search as make_search
 
 ITERATIONS = 100  # of each search, at most

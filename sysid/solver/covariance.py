@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.solver.iterate import Linearisation, column_scale
+from sysid.solver.linearisation import Linearisation, column_scale
 
 _CANCELS = 1e-7  # share of what its parts vary that is left of a value whose parts cancel, but for rounding
 _RCOND = 1e-7  # singular value, of the largest, below which a direction is not determined

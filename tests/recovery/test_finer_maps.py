@@ -10,7 +10,7 @@ from sysid import IOData, Objective
 from sysid.blocks import PiecewiseLinear
 from sysid.report.verdict import band_in_words
 from sysid.solver.covariance import effective_count
-from sysid.solver.iterate import Linearisation
+from sysid.solver.linearisation import Linearisation
 from sysid.structures import Hammerstein, hammerstein, hammerstein_wiener, wiener
 from sysid.uncertainty import bands
 from sysid.uncertainty.information import information

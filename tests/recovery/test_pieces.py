@@ -12,7 +12,8 @@ from sysid.estimation import problem
 from sysid.estimation.prior import Prior
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Linearisation, linearise_free
+from sysid.solver.iterate import linearise_free
+from sysid.solver.linearisation import Linearisation
 
 N, ROWS = 997, 128  # the last piece is shorter than the others
 

@@ -3,7 +3,8 @@
 from dataclasses import replace
 from typing import Any
 
-from sysid.solver.iterate import SMALL, Attempt, Linearisation, Options, Search, Step
+from sysid.solver.iterate import SMALL, Attempt, Options, Search, Step
+from sysid.solver.linearisation import Linearisation
 from sysid.solver.searches.gauss_newton import AdaptiveGaussNewton, GaussNewton, LevenbergMarquardt
 from sysid.solver.searches.gradient import Gradient
 

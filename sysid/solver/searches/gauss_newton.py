@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from sysid.solver.iterate import Attempt, Linearisation, Options, Step, halve
+from sysid.solver.iterate import Attempt, Options, Step, halve
+from sysid.solver.linearisation import Linearisation
 
 _GAMMA = 1e-4  # start of the adaptive threshold; times 2 after five halvings, a quarter after a full step
 _DAMPING, _FACTOR, _FLOOR, _CEILING = 1e-3, 2.0, 1e-14, 1e9  # of Levenberg-Marquardt

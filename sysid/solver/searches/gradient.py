@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from sysid.solver.iterate import Attempt, Linearisation, Options, Step, halve
+from sysid.solver.iterate import Attempt, Options, Step, halve
+from sysid.solver.linearisation import Linearisation
 
 
 class Gradient:

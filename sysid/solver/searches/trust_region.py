@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.solver.iterate import Attempt, Linearisation, Options, Step, within_radius
+from sysid.solver.iterate import Attempt, Options, Step, within_radius
+from sysid.solver.linearisation import Linearisation
 
 
 class TrustRegion:

@@ -19,7 +19,7 @@ from sysid.estimation.starts.portfolio.curves import maps_of, movable_maps
 from sysid.estimation.starts.portfolio.members import random_poles
 from sysid.estimation.starts.portfolio.surrogate import with_lines
 from sysid.model.chain import Chain, columns
-from sysid.solver.iterate import Linearisation
+from sysid.solver.linearisation import Linearisation
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
 _FINE = 40  # places among which break points are chosen
