@@ -69,7 +69,7 @@ class Options:
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step
     max_halvings: int = 25
-    grain: float = 1e-3  # of a parameter's standard deviation, to which points are rounded, see `Linearisation.grain`
+    grain: float = 1e-3  # of a parameter's standard deviation and of its step: points of a search are rounded to it
     max_seconds: float = np.inf
     deadline: float = np.inf  # [s] of time.monotonic(): one for all searches of a fit, see `begun`
 
@@ -209,7 +209,11 @@ def iterate(
     options: Options,
     progress: Callable[[int, float], None] | None = None,
 ) -> Outcome:
-    """Run `search` from p0 (P,) until the expected improvement is below the tolerance, or a limit is reached."""
+    """Run `search` from p0 (P,) until the expected improvement is below the tolerance, or a limit is reached.
+
+    Points are rounded: what another processor changes in the last digits of a step is then lost. It would grow from step
+    to step, to another optimum.
+    """
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     anchor = problem.anchor if isinstance(problem, Anchored) else np.zeros(len(p))
     memory: dict[str, Any] = {}
@@ -226,7 +230,8 @@ def iterate(
         nonlocal evaluations
         evaluations += 1
         target = p.copy()
-        target[moving] = rounded((anchor + p)[moving] + delta, lin.grain(options.grain)) - anchor[moving]
+        grain = options.grain * np.minimum(lin.deviation, np.abs(delta))
+        target[moving] = rounded((anchor + p)[moving] + delta, grain) - anchor[moving]
         target = problem.repair(target)
         e = problem.residual(target)
         with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not

@@ -17,11 +17,12 @@ def column_scale(J: np.ndarray) -> np.ndarray:
     return np.where(norm > 1e-30 * norm.max(initial=0.0), norm, np.inf)
 
 
-def rounded(p: np.ndarray, grain: np.ndarray) -> np.ndarray:
-    """p (P,) as multiples of `grain` (P,), where that is not 0 and p is finite."""
-    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
-        steps = p / grain
-        return np.where(np.abs(steps) < 2.0**52, np.round(steps) * grain, p)
+def rounded(p: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """p (P,) as multiples of the powers of two that are at most `size` (P,); p itself where that is 0."""
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        grain = np.exp2(np.floor(np.log2(size)))
+        count = p / grain
+        return np.where(np.abs(count) < 2.0**52, np.round(count) * grain, p)
 
 
 class Rows:
@@ -89,14 +90,10 @@ class Linearisation:
         U, s, Vt = np.linalg.svd(self.R / self.scale)
         return U.T @ self.z, s, Vt.T
 
-    def grain(self, share: float) -> np.ndarray:
-        """Powers of two (P,), at most this share of the standard deviation of each parameter by itself; zeros for 0.
-
-        Points of a search are multiples of these: what another processor changes in the last digits of a step is then
-        rounded away instead of growing from step to step. The loss is higher by at most P share^2 / N of it.
-        """
-        size = share * np.sqrt(self.cost / max(self.N, 1)) / self.scale
-        return np.where(size > 0.0, np.exp2(np.floor(np.log2(np.where(size > 0.0, size, 1.0)))), 0.0)
+    @cached_property
+    def deviation(self) -> np.ndarray:
+        """Standard deviation (P,) of each parameter by itself, if the others were known; 0 where it has no effect."""
+        return np.asarray(np.sqrt(self.cost / max(self.N, 1)) / self.scale)
 
     @property
     def noise_floor(self) -> float:
