@@ -211,8 +211,8 @@ def iterate(
 ) -> Outcome:
     """Run `search` from p0 (P,) until the expected improvement is below the tolerance, or a limit is reached.
 
-    Points are rounded: what another processor changes in the last digits of a step is then lost. It would grow from step
-    to step, to another optimum.
+    Points are rounded: what another processor changes in the last digits of a step is then lost, where it would grow
+    from step to step to another optimum.
     """
     p, evaluations, moving = np.array(p0), 0, np.ones(len(p0), dtype=bool)
     anchor = problem.anchor if isinstance(problem, Anchored) else np.zeros(len(p))

@@ -15,6 +15,8 @@ from sysid.estimation.problem import ChainProblem, search_best
 from sysid.model.chain import Chain, columns
 from sysid.solver.iterate import Options
 
+_EMPTY = 1e-12  # singular values below this share of the largest are zero
+
 
 class Start(ABC):
     """One way to start a search, see `sysid.estimation.starts.TABLE`: for chains with a block of one of these kinds."""
@@ -135,8 +137,11 @@ def refined_iv(nb: int, nf: int, nk: int, w: np.ndarray, y: np.ndarray, iteratio
         inputs = [delay(wf, nk + i) for i in range(nb)]
         regressors = np.column_stack([-delay(yf, j + 1) for j in range(nf)] + inputs)
         instruments = np.column_stack([-delay(xf, j + 1) for j in range(nf)] + inputs)
-        # lstsq, since a poor excitation leaves directions empty.
-        theta = np.linalg.lstsq(instruments.T @ regressors, instruments.T @ yf, rcond=1e-12)[0]
+        # An orthonormal basis of the instruments: products with them would square the condition number.
+        Q, R = np.linalg.qr(instruments)
+        U, s, _ = np.linalg.svd(R)
+        basis = Q @ U[:, s > _EMPTY * s.max(initial=0.0)]  # a poor excitation leaves directions empty
+        theta = np.linalg.lstsq(basis.T @ regressors, basis.T @ yf, rcond=_EMPTY)[0]
         f = mirrored(theta[:nf])
         with np.errstate(over="ignore", invalid="ignore"):
             x = linear.output(np.concatenate([theta[nf:], f]), w)
