@@ -69,7 +69,7 @@ class Options:
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step
     max_halvings: int = 25
-    grain: float = 1e-3  # of a parameter's standard deviation and of its step: points of a search are rounded to it
+    grain: float = 1e-4  # of a parameter's standard deviation and of its step: points of a search are rounded to it
     max_seconds: float = np.inf
     deadline: float = np.inf  # [s] of time.monotonic(): one for all searches of a fit, see `begun`
 
