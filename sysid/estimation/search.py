@@ -19,7 +19,7 @@ from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting
 from sysid.estimation.starts.portfolio.curves import movable_maps
 from sysid.estimation.starts.portfolio.moves import move_breakpoints, pole_alternatives
 from sysid.model.chain import Chain
-from sysid.solver.iterate import Options, Outcome, iterate, time_limit
+from sysid.solver.iterate import ESTIMATE, Options, Outcome, iterate, time_limit
 from sysid.solver.searches import search as make_search
 
 # The numbers of the portfolio were chosen on drawn plants and judged on fresh ones (scripts/global_optimum.py): 190 of
@@ -75,7 +75,7 @@ class SearchContext:
 
     def trial(self, problem: ChainProblem) -> Outcome:
         """A first few iterations from the start of a problem."""
-        options = replace(self.options, max_iterations=min(_TRIAL, self.options.max_iterations))
+        options = replace(self.options, max_iterations=min(_TRIAL, self.options.max_iterations), first_grain=ESTIMATE)
         return self.iterate(problem, problem.start, options, _TRIAL_SEARCH)
 
     @property

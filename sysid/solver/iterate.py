@@ -69,9 +69,15 @@ class Options:
     max_iterations: int = 200
     tolerance: float = 0.01  # [%] of the loss: expected improvement of a Gauss-Newton step
     max_halvings: int = 25
-    grain: float = 1e-4  # of a parameter's standard deviation and of its step: points of a search are rounded to it
+    grain: float = 1e-3  # of a parameter's standard deviation and of its step: points of a search are rounded to it
+    first_grain: float = 0.0  # of the standard deviation: the first point is rounded to it
     max_seconds: float = np.inf
     deadline: float = np.inf  # [s] of time.monotonic(): one for all searches of a fit, see `begun`
+
+    @classmethod
+    def from_estimate(cls, max_iterations: int, tolerance: float = 0.1) -> "Options":
+        """A few steps from an estimate, whose last digits are lost already by the condition of its equations."""
+        return cls(max_iterations, tolerance, first_grain=ESTIMATE)
 
     def begun(self) -> "Options":
         """The options of a fit that begins now."""
@@ -91,6 +97,7 @@ def time_limit(deadline: float) -> Iterator[None]:
         _UNTIL.reset(previous)
 
 
+ESTIMATE = 0.1  # of a standard deviation: a start is not better than that
 SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
 
 
@@ -136,38 +143,6 @@ def halve(
         if cost < lin.cost - 1e-4 * max(lin.predicted(delta), 0.0):
             return Step(delta, cost, method), k
     return None, max_halvings
-
-
-def within_radius(
-    lin: Linearisation,
-    attempt: Attempt,
-    memory: dict[str, Any],
-    options: Options,
-    shortest: Callable[[Linearisation, float], np.ndarray],
-    method: str,
-) -> Step | None:
-    """The first step `shortest(lin, radius)` (P,) that lowers the cost, within an adaptive radius.
-
-    Radii are in columns of unit norm. A step with less than a quarter of the predicted decrease reduces the radius to
-    a quarter; a step with more than three quarters increases it (Nocedal and Wright, Numerical Optimization, ch. 4).
-    """
-    radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
-    for _ in range(2 * options.max_halvings):
-        proposal = shortest(lin, radius)
-        length = float(np.linalg.norm(lin.scaled(proposal)))
-        cost, delta = attempt(proposal)
-        drop = lin.predicted(delta)
-        ratio = (lin.cost - cost) / drop if drop > 0 and np.isfinite(cost) else -1.0
-        if ratio > 1e-4:
-            if ratio > 0.75:
-                radius = max(radius, 2.5 * length)
-            elif ratio < 0.25:
-                radius = 0.25 * length
-            memory["radius"] = radius
-            return Step(delta, cost, method)
-        radius = 0.25 * min(radius, length)
-    memory["radius"] = None
-    return None
 
 
 @dataclass(frozen=True)
@@ -224,6 +199,8 @@ def iterate(
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
     cost, reason, converged, iteration = float(e @ e), "", False, 0
     del e  # a long record does without it
+    if options.first_grain:
+        p, cost = _rounded_start(problem, p, cost, anchor, options.first_grain)
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
         """The cost at p + delta, repaired where it leaves the bounds, and the step that was taken."""
@@ -290,6 +267,19 @@ def iterate(
                 reason += f", although {improvement:.2g} % was still expected: a kink of a map or a bound is in the way"
             break
     return Outcome(p, cost, Stop(reason, converged, iteration, evaluations), tuple(history))
+
+
+def _rounded_start(
+    problem: Problem, p: np.ndarray, cost: float, anchor: np.ndarray, grain: float
+) -> tuple[np.ndarray, float]:
+    """p (P,) rounded to `grain` standard deviations, and its cost; p itself where that is no valid model."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lin, moving = linearise_free(problem, p)
+        start = anchor + p
+        start[moving] = rounded(start[moving], grain * lin.deviation)
+        start = problem.repair(start - anchor)
+        e = problem.residual(start)
+    return (start, float(e @ e)) if e is not None and np.all(np.isfinite(e)) else (p, cost)
 
 
 _STALL, _STILL = 4, 1e-5

@@ -177,7 +177,8 @@ def test_intervals_are_those_of_the_posterior(seed):
     f = [fit.model.names.index(name) for name in ("linear.f1", "linear.f2")]
     np.testing.assert_allclose(np.sqrt(np.diag(info.cov)[info.own][f]), fit.covariance.std()[f], rtol=0.1)
     assert not info.unexcited.shape[1]
-    assert abs(data.N - info.dof - fit.criteria.d) < 1.0
+    # The count is a whole number, at the noise of the search; the report's is at the noise of the residuals.
+    assert abs(data.N - info.dof - fit.criteria.d) < 0.05 * fit.criteria.d
 
 
 def test_the_band_of_a_free_run_holds_new_measurements_inside_and_beyond_the_range_of_the_record():

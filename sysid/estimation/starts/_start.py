@@ -106,7 +106,7 @@ def output_error_start(linear: Block, w: np.ndarray, y: np.ndarray) -> np.ndarra
 def best_output_error(linear: Block, raw: list[np.ndarray], w: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Parameters (p,) of the best output-error search, each from poles f of `raw`."""
     problems = (ChainProblem.least_squares(Chain((linear,)), solve_linear(linear, f, w, y), w, y) for f in raw)
-    return search_best(problems, Options(max_iterations=30, tolerance=0.1), np.zeros(linear.n_parameters))[0]
+    return search_best(problems, Options.from_estimate(30), np.zeros(linear.n_parameters))[0]
 
 
 def coefficients(linear: Block) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

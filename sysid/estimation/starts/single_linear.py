@@ -62,7 +62,7 @@ def _start_points(chain: Chain, u: np.ndarray, y: np.ndarray, draws: list[np.ran
 def _few_steps(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
     """theta (P,) after a few Levenberg-Marquardt steps."""
     problem = ChainProblem.least_squares(chain, theta, u, y)
-    out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=_COARSE, tolerance=0.1))
+    out = iterate(problem, problem.start, LevenbergMarquardt(), Options.from_estimate(_COARSE))
     return problem.thetas(out.p)[0] if np.isfinite(out.cost) else theta
 
 

@@ -5,20 +5,37 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.solver.iterate import Attempt, Options, Step, within_radius
+from sysid.solver.iterate import Attempt, Options, Step
 from sysid.solver.linearisation import Linearisation
 
 
 class TrustRegion:
     """trust_region: the exact solution of the subproblem (More and Sorensen 1983), found by SciPy's `brentq`.
 
-    `within_radius` adapts the radius.
+    Radii are in columns of unit norm. A step with less than a quarter of the predicted decrease reduces the radius to
+    a quarter; a step with more than three quarters increases it (Nocedal and Wright, Numerical Optimization, ch. 4).
     """
 
     name = "trust_region"
 
     def step(self, lin: Linearisation, attempt: Attempt, memory: dict[str, Any], options: Options) -> Step | None:
-        return within_radius(lin, attempt, memory, options, shortest_step, self.name)
+        radius = memory.get("radius") or float(np.linalg.norm(lin.scaled(lin.damped(1e-3))))
+        for _ in range(2 * options.max_halvings):
+            proposal = shortest_step(lin, radius)
+            length = float(np.linalg.norm(lin.scaled(proposal)))
+            cost, delta = attempt(proposal)
+            drop = lin.predicted(delta)
+            ratio = (lin.cost - cost) / drop if drop > 0 and np.isfinite(cost) else -1.0
+            if ratio > 1e-4:
+                if ratio > 0.75:
+                    radius = max(radius, 2.5 * length)
+                elif ratio < 0.25:
+                    radius = 0.25 * length
+                memory["radius"] = radius
+                return Step(delta, cost, self.name)
+            radius = 0.25 * min(radius, length)
+        memory["radius"] = None
+        return None
 
 
 def shortest_step(lin: Linearisation, radius: float) -> np.ndarray:

@@ -32,7 +32,7 @@ class Surrogate:
         if e is None or not np.all(np.isfinite(e)):
             return self
         problem = replace(problem, curvature_weight=curvature * max(float(e.std()), 1e-9 * float(record.y.std())))
-        out = iterate(problem, problem.start, LevenbergMarquardt(), Options(max_iterations=iterations, tolerance=0.1))
+        out = iterate(problem, problem.start, LevenbergMarquardt(), Options.from_estimate(iterations))
         theta = problem.thetas(out.p)[0]
         e = problem.bare.residual(out.p)
         return replace(self, theta=theta, loss=float(e @ e) / len(e) if e is not None else np.inf)
