@@ -73,9 +73,10 @@ class SearchContext:
             self.progress(f"{self.model.structure}: loss {loss:.4g} after {outcome.stop.iterations} iterations")
         return outcome
 
-    def trial(self, problem: ChainProblem) -> Outcome:
+    def trial(self, problem: ChainProblem, first_grain: float = 0.0) -> Outcome:
         """A first few iterations from the start of a problem."""
-        options = replace(self.options, max_iterations=min(_TRIAL, self.options.max_iterations), first_grain=ESTIMATE)
+        iterations = min(_TRIAL, self.options.max_iterations)
+        options = replace(self.options, max_iterations=iterations, first_grain=first_grain)
         return self.iterate(problem, problem.start, options, _TRIAL_SEARCH)
 
     @property
@@ -214,7 +215,7 @@ def _search_round(context: SearchContext, points: list[StartingPoint], previous:
         problems = [replace(p, curvature_weight=previous.problem.curvature_weight) for p in problems]
     else:
         problems = set_curvature_weight(context, problems)
-    outcomes = [context.trial(problem) for problem in problems]
+    outcomes = [context.trial(problem, ESTIMATE) for problem in problems]
     costs = tuple(o.cost for o in outcomes)
     members = tuple(p.member for p in points)
     k = int(np.argmin(costs))

@@ -199,8 +199,6 @@ def iterate(
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
     cost, reason, converged, iteration = float(e @ e), "", False, 0
     del e  # a long record does without it
-    if options.first_grain:
-        p, cost = _rounded_start(problem, p, cost, anchor, options.first_grain)
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
         """The cost at p + delta, repaired where it leaves the bounds, and the step that was taken."""
@@ -223,6 +221,8 @@ def iterate(
         if time.monotonic() > _UNTIL.get():
             reason = "the time of the fit is over"
             break
+        if iteration == 0 and options.first_grain:
+            p, cost = _rounded_start(problem, p, cost, anchor, options.first_grain)
         with np.errstate(over="ignore", invalid="ignore"):  # see _LARGEST
             lin, moving = linearise_free(problem, p)
         evaluations += 1

@@ -109,7 +109,7 @@ def test_a_saved_fit_continues_and_a_whole_block_keeps_its_values(logs):
     assert settings_of(saved, Wiener) == {"nb": 2, "nf": 2, "nk": 1, "output_map": "piecewise_linear"}
     again = identified("bent", Wiener(2, 2, 1), Held(start=saved), **RAW).evaluation.fit
     assert again.stop.iterations < 0.5 * first.stop.iterations  # it begins at the end of the first, beside a kink
-    assert again.criteria.fpe == pytest.approx(first.criteria.fpe, rel=0.01)  # the loss has a prior beside it
+    assert 0.95 * first.criteria.fpe < again.criteria.fpe < 1.01 * first.criteria.fpe  # a prior stands beside the loss
     held = identified("plain", Wiener(2, 2, 1), Held((("linear", None),), start=saved), **RAW).evaluation.fit
     part = held.model.index(held.model.blocks[0])
     own = ~held.model.initial[part]

@@ -62,7 +62,9 @@ def test_numbers_that_a_fit_takes_pass_every_diagnosis(tmp_path, units):
     for one, other in zip(odd.roots, plain.roots, strict=True):
         assert abs(one.value - other.value) < 1e-3
         assert one.note == other.note or not 1e-30 < gain < 1e30, "rows of J further apart count as empty"
-    np.testing.assert_allclose(odd.step.y / gain, plain.step.y, atol=1e-3)
+    shown = min(len(odd.step.y), len(plain.step.y))  # the time that is shown follows the slowest pole
+    assert shown > 100
+    np.testing.assert_allclose(odd.step.y[:shown] / gain, plain.step.y[:shown], atol=1e-3)
 
 
 @pytest.mark.parametrize("factor", [2.0**300, 2.0**-300])

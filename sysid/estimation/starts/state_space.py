@@ -15,7 +15,7 @@ from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import LevenbergMarquardt
 
 # Chosen by hand.
-_DRAWN, _SHORT, _TRIAL = 4, 4000, Options.from_estimate(15, 0.01)
+_DRAWN, _SHORT, _TRIAL = 4, 4000, Options(max_iterations=15)
 _HELD = (1.0, 0.4, 0.15)  # shares of the correction by the measured output, on the way from prediction to free run
 _POLISH = Options(max_iterations=40, tolerance=0.05)
 _WIDEST = 20  # block rows of a Hankel matrix
