@@ -1,4 +1,5 @@
-"""Two folds of a record whose parts both meet what the record shows: interleaved blocks, each an own experiment."""
+"""Folds of a record, of interleaved blocks that are experiments of their own: two whose parts both meet what the record
+shows, and six whose parts differ in kind."""
 
 import itertools
 from dataclasses import dataclass
@@ -87,6 +88,28 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
     if best is None:
         raise InputError(f"the record has {data.N} samples in {len(data.lengths)} experiment(s); give a longer one")
     return best[1]
+
+
+def folds_of_other_kinds(data: IOData) -> tuple[Fold, ...]:
+    """Two folds for each of three kinds: blocks of low and of high level, of slow and of fast input, of either end.
+
+    The level is the deviation of the input within a block, its rate that of the input's steps by the level, and the end
+    the mean of the output. Raises InputError for a record that is too short to be halved.
+    """
+    count = max(2, min(max(COUNTS), data.N // _SHORTEST))
+    cuts = _cuts(data, count)
+    if len(cuts) < 2:
+        raise InputError(f"the record has {data.N} samples in {len(data.lengths)} experiment(s); give a longer one")
+    blocks = [data.select(start, stop) for start, stop in cuts]
+    level = np.array([np.std(b.u[:, 0]) for b in blocks])
+    steps = np.array([np.std(np.diff(b.u[:, 0])) for b in blocks])
+    rate, end = steps / np.maximum(level, 1e-9 * level.max()), np.array([np.mean(b.y[:, 0]) for b in blocks])
+    kinds: list[Fold] = []
+    for value in (level, rate, end):
+        is_low = np.zeros(len(cuts), dtype=bool)
+        is_low[np.argsort(value, kind="stable")[: len(cuts) // 2]] = True
+        kinds += _pair(_merge_blocks(data, cuts, is_low), _merge_blocks(data, cuts, ~is_low))
+    return tuple(kinds)
 
 
 def _pair(first: IOData, second: IOData) -> tuple[Fold, Fold]:

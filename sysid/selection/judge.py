@@ -16,7 +16,7 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.folds import Fold
-from sysid.selection.table import BLOCKS, Row
+from sysid.selection.table import BLOCKS, Row, mean_log
 from sysid.solver.iterate import Options
 
 AnyFit = Fit | NlarxFit
@@ -136,6 +136,29 @@ def judge(job: Job) -> Row | None:
     return replace(
         failed_row, fit_percent=percent, d=d, errors=errors, converged=converged, why=reason, thetas=tuple(thetas)
     )
+
+
+def judge_by_kind(job: Job) -> np.ndarray | None:
+    """Mean logarithm of squared free-run errors (len(folds),) on the unseen part of each fold; None after the deadline.
+
+    Infinite where a fit or its run fails.
+    """
+    c, means = job.candidate, []
+    for fold in job.folds:
+        remaining = job.deadline - time.time()
+        if remaining < 0:
+            return None
+        try:
+            fit = fitted(c, c.scale(fold.estimation), job.search, job.seed, job.effort, time.monotonic() + remaining)
+            run = np.ravel(fit.simulate(c.scale(fold.unseen), fold.skip))
+        except InputError:
+            means.append(np.inf)
+            continue
+        keep = fold.judged
+        with np.errstate(over="ignore", invalid="ignore"):
+            squares = (c.scale(fold.unseen).y[keep, 0] - run[keep]) ** 2
+        means.append(mean_log([block.mean() for block in np.array_split(squares, BLOCKS // 2)]))
+    return np.array(means)
 
 
 def _size(fit: AnyFit, data: IOData) -> int:

@@ -6,8 +6,9 @@ around the next ones. Both use few starts, and the first part of every block of 
 every structure and the best others, with many starts on the whole record. Round 4 and later: what lies around the best
 ones (orders, delays, knots and maps), until nothing there is better.
 
-Each candidate is fitted to one part of the record and judged on the other, and vice versa, so the winner is chosen on
-unseen data; `sysid.selection.folds` makes the parts.
+Each candidate is fitted to one part of the record and judged on the other, and vice versa (`sysid.selection.folds`).
+The best of every structure then meet on parts that differ in kind, as the inputs of a model's use do: fitted to low
+levels and judged on high ones, to slow and to fast inputs, to one end and the other.
 """
 
 import time
@@ -26,11 +27,21 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
-from sysid.selection.folds import Fold, folds
+from sysid.selection.folds import Fold, folds, folds_of_other_kinds
 from sysid.selection.journal import Journal, writing
-from sysid.selection.judge import AnyFit, Effort, Job, fitted, from_journal, judge, unchanged
+from sysid.selection.judge import AnyFit, Effort, Job, fitted, from_journal, judge, judge_by_kind, unchanged
 from sysid.selection.space import ORDERS, Space
-from sysid.selection.table import BLOCKS, SECONDS, Row, Selection, cut, ranked, settings
+from sysid.selection.table import (
+    BLOCKS,
+    SECONDS,
+    Row,
+    Selection,
+    choose_by_kind,
+    cut,
+    mean_log,
+    ranked,
+    settings,
+)
 from sysid.solver.iterate import Options
 
 _SCREENED = 2000  # samples of each part in the first two rounds
@@ -39,7 +50,9 @@ _CLIMBS = 10  # rounds around the best
 _REACH = 1.5  # times the error of the best, within which another structure is searched further
 _PERFECT = 99.9  # fit [%] beyond which no other structure has anything to gain
 # Shares of the budget at whose end a round begins no more candidates; the rest is for the fit to all the data.
-_SCREENING, _LEADING, _CLIMBING = 0.45, 0.65, 0.8
+_SCREENING, _LEADING, _CLIMBING, _CHOICE = 0.4, 0.6, 0.75, 0.88
+_FINALISTS, _KIND_STARTS = 5, 3
+_KINDS = 0  # the number of the choice in a journal
 _FIT_SHARE, _SCREENED_FIT_SHARE = 0.1, 0.03  # of the budget, for one fit
 _FAR_OFF = 2.0  # times the error on unseen data, above which the fit to all the data has ended in a poor optimum
 _MOST_TRIED = 3  # candidates
@@ -78,6 +91,7 @@ def select(
         rows, chosen_row = ranked(rows_by_candidate)
         if not np.isfinite(rows[0].fit_percent):
             raise InputError(_none_valid(rows))
+        rows, chosen_row = _choose(rows, chosen_row, data, work)
         remaining = max(work.begun + seconds - time.time(), 0.1 * seconds)
         chosen_row, fit, notes = final_fit(rows, chosen_row, data, search, seed, Effort(space.starts, 200, remaining))
         fit.remember(chosen_row.candidate.scale(data))
@@ -132,6 +146,19 @@ def _judge_rounds(space: Space, data: IOData, work: "_Work") -> dict[Recipe, Row
         if not new_rows:
             break
     return rows_by_candidate
+
+
+def _choose(rows: list[Row], chosen: Row, data: IOData, work: "_Work") -> tuple[list[Row], Row]:
+    """The rows, with what the finalists do on parts of other kinds, and the one that is chosen by it.
+
+    The finalists are in the order of their errors, so that a budget which ends early leaves out the worst.
+    """
+    in_reach = {r.candidate: r for r in _rows_in_reach(rows, chosen)}
+    finalists = work.judge_by_kind(list(in_reach.values())[:_FINALISTS], folds_of_other_kinds(data))
+    if len(finalists) < 2 or finalists[0].candidate != chosen.candidate:
+        return rows, chosen
+    by_candidate = {r.candidate: r for r in finalists}
+    return [by_candidate.get(r.candidate, r) for r in rows], choose_by_kind(finalists)
 
 
 def _none_valid(rows: Sequence[Row]) -> str:
@@ -228,6 +255,31 @@ class _Work:
                 self.progress(len(rows), len(candidates), str(row.candidate))
         return [rows[c] for c in candidates if c in rows]
 
+    def judge_by_kind(self, finalists: Sequence[Row], kinds: tuple[Fold, ...]) -> list[Row]:
+        """The finalists with their errors on all folds, in their order; those that the budget left no time for go."""
+        deadline = self.begun + _CHOICE * self.seconds
+        effort = Effort(_KIND_STARTS, 100, _SCREENED_FIT_SHARE * self.seconds)
+        errors: dict[Recipe, np.ndarray] = {}
+        for row in finalists:
+            if entry := self.book.find(_KINDS, settings(row.candidate)):
+                errors[row.candidate] = np.array(entry["kinds"])
+        todo = [r.candidate for r in finalists if r.candidate not in errors]
+        jobs = [Job(c, kinds, effort, self.search, self.seed, _KINDS, True, deadline) for c in todo]
+        for k, means in results(judge_by_kind, jobs, self.jobs, self.scheduler):
+            if means is None:
+                continue
+            errors[todo[k]] = means
+            if time.time() < deadline:
+                self.book.add(_KINDS, settings(todo[k]), {"kinds": means.tolist()})
+            if self.progress is not None:
+                self.progress(len(errors), len(finalists), f"{todo[k]}, on other kinds of parts")
+        both = {r.candidate: [mean_log(part) for part in np.split(r.errors, len(self.folds))] for r in finalists}
+        return [
+            replace(r, kinds=np.concatenate([both[r.candidate], errors[r.candidate]]))
+            for r in finalists
+            if r.candidate in errors
+        ]
+
     def untried(self, kinds: Sequence[type[Recipe]], tried: set[str]) -> list[Row]:
         """A row for each structure that the budget left no time for, so that the table tells of every structure."""
         rows = []
@@ -251,12 +303,15 @@ def final_fit(
     """The row that is handed over, its fit, and notes on rows that were passed over.
 
     A search on all the data may end in a poor local optimum: the fits to the parts are starts too, and a candidate
-    whose fit is nevertheless far below its own score on unseen data gives way to the next one.
+    whose fit is nevertheless far below its own score on unseen data gives way to the next one. A model whose free run
+    diverges on a part of the record is never handed over.
     """
     order = [chosen, *(r for r in rows if r is not chosen and r.whole and np.isfinite(r.fit_percent))]
     results: list[tuple[float, Row, AnyFit]] = []
     notes: list[str] = []
-    for row in order[:_MOST_TRIED]:
+    for row in order[: 2 * _MOST_TRIED]:
+        if len(results) == _MOST_TRIED:
+            break
         scaled_data = row.candidate.scale(data)
         try:
             fit = _best_fit(
@@ -265,6 +320,9 @@ def final_fit(
             percent = _percent(fit, scaled_data)
         except InputError as error:
             notes.append(f"{row.candidate} was passed over: {error}")
+            continue
+        if not np.isfinite(percent):
+            notes.append(f"{row.candidate} was passed over: its free run over all the data diverges")
             continue
         results.append((percent, row, fit))
         # The parts are short free runs with initial states of their own, so some difference says nothing.
@@ -275,7 +333,7 @@ def final_fit(
             "search ended in a local optimum, and the next candidate was tried"
         )
     if not results:
-        raise InputError(f"none of the best {_MOST_TRIED} candidates can be fitted to the whole record: {notes[-1]}")
+        raise InputError(f"none of the best candidates can be fitted to the whole record and run over it: {notes[-1]}")
     _, row, fit = max(results, key=lambda result: result[0])
     return row, fit, tuple(notes)
 

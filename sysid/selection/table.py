@@ -1,11 +1,12 @@
 """The table of a structure search: one row a candidate, ranked, and the row that is handed over."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 
 from sysid.base.files import json_value
 from sysid.base.handlers import Shown
@@ -15,6 +16,7 @@ from sysid.nlarx.result import NlarxFit
 
 SECONDS = 110.0  # of a whole search
 BLOCKS = 20  # stretches of the judged samples whose errors are compared pair by pair
+SURE = 0.95
 _SAME, _NEAR = 1.01, 1.1  # times the loss of the best
 _POINTS = 0.5  # of fit [%] within which a smaller candidate may replace the best
 
@@ -25,7 +27,8 @@ class Row:
 
     `whole`: judged on the whole record, not on a shortened one. `why`: the reason why it could not be fitted or ended
     early. `thetas` are the parameters of the fits of both folds. `equal`: its errors do not differ significantly from
-    the best candidate's (paired t-test on their logarithms at 95 %; `ranked` has the tolerances).
+    the best candidate's (paired t-test on their logarithms at 95 %; `ranked` has the tolerances). `kinds` (8,): mean
+    logarithms of its squared errors on both folds and on the six of other kinds, for finalists; None for the others.
     """
 
     candidate: Recipe
@@ -38,11 +41,20 @@ class Row:
     whole: bool = True
     why: str = ""
     thetas: tuple[np.ndarray, ...] = field(default=(), repr=False)
+    kinds: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def score_of_kinds(self) -> float:
+        """Mean logarithm of the squared errors over parts of the same kind and of other kinds."""
+        return np.inf if self.kinds is None else float(np.mean(self.kinds))
 
 
 @dataclass(frozen=True, repr=False)
 class Selection(Shown):
-    """Ranked rows, the chosen one (the smallest of those equal to the best), and its fit to all the data.
+    """Ranked rows, the chosen one, and its fit to all the data.
+
+    The finalists are the smallest row that is equal to the best, the best, and the best rows of other structures. The
+    chosen one of them has the least errors over parts of the same kind and of other kinds, see `choose_by_kind`.
 
     `notes` say what the search left out, and why: `left_out` candidates had no time in its `budget` [s]. `journal` is
     its file, from which it goes on.
@@ -77,10 +89,34 @@ class Selection(Shown):
         text = f"{best.candidate} has the best free run on unseen data ({best.fit_percent:.2f} %, d {best.d})"
         if len(equals) > 1:
             text += f"; {len(equals) - 1} other(s) do not differ from it significantly"
-        if self.chosen.candidate != best.candidate:
-            small = self.chosen
-            text += f", of which {small.candidate} is the smallest ({small.fit_percent:.2f} %, d {small.d})"
-        return text + "."
+        chosen = self.chosen
+        if chosen.candidate != best.candidate and chosen.equal:
+            text += f", of which {chosen.candidate} is the smallest ({chosen.fit_percent:.2f} %, d {chosen.d})"
+        return f"{text}. {self._over_kinds()}".strip()
+
+    @property
+    def rival(self) -> Row | None:
+        """The best finalist of another structure than the chosen one's; None where there is none."""
+        others = [r for r in self.rows if r.candidate.name != self.chosen.candidate.name and r.kinds is not None]
+        return min(others, key=lambda r: r.score_of_kinds, default=None)
+
+    def _over_kinds(self) -> str:
+        """Why the chosen one was chosen of the finalists, and how sure that is; empty without a rival."""
+        chosen, rival = self.chosen, self.rival
+        if rival is None or chosen.kinds is None or not np.isfinite(chosen.score_of_kinds):
+            return ""
+        with np.errstate(over="ignore"):
+            ratio = float(np.exp(0.5 * (chosen.score_of_kinds - rival.score_of_kinds)))
+        sure = confidence(chosen, rival)
+        text = (
+            f"{chosen.candidate} is chosen: over parts of other levels, rates and ends too its errors are {ratio:.3g} "
+            f"times those of {rival.candidate}, the best of another structure"
+        )
+        if ratio > 1.0:
+            return f"{text}, which has more parameters (d {rival.d} for {chosen.d})."
+        if sure < SURE:
+            return f"{text}; this record does not tell the two apart (sure to {100.0 * sure:.0f} %)."
+        return f"{text} (sure to {min(np.floor(1000.0 * sure) / 10.0, 99.9):g} %)."
 
     def as_dict(self) -> dict[str, Any]:
         """The ranked table, ready for JSON."""
@@ -91,6 +127,7 @@ class Selection(Shown):
                 "d": r.d,
                 "round": r.round,
                 "equal": r.equal,
+                "kinds": None if r.kinds is None else r.kinds.tolist(),
                 "whole": r.whole,
                 "why": r.why,
             }
@@ -98,6 +135,42 @@ class Selection(Shown):
         ]
         chosen = settings(self.chosen.candidate)
         return json_value({"chosen": chosen, "sentence": self.sentence(), "notes": list(self.notes), "rows": rows})
+
+
+def mean_log(errors: Any) -> float:
+    """Mean logarithm of squared errors, infinite where one is not finite."""
+    values = np.asarray(errors, dtype=float)
+    return float(np.mean(np.log(np.maximum(values, 1e-300)))) if np.all(np.isfinite(values)) else np.inf
+
+
+def confidence(row: Row, rival: Row) -> float:
+    """Probability that a finalist's errors are smaller than those of another, by Student's t over the eight folds.
+
+    All folds are of one record, and say less than independent ones: the variance of their mean is (1 / 8 + 1) times
+    theirs, where as many samples are unseen as fitted (Nadeau and Bengio 2003, Machine Learning 52).
+    """
+    if row.kinds is None or rival.kinds is None or not np.isfinite(row.score_of_kinds):
+        return 0.0
+    if not np.isfinite(rival.score_of_kinds):
+        return 1.0
+    gap = rival.kinds - row.kinds
+    spread = float(gap.std(ddof=1)) * np.sqrt(1.0 / len(gap) + 1.0)
+    return float(stdtr(len(gap) - 1, float(gap.mean()) / max(spread, 1e-300)))
+
+
+def choose_by_kind(finalists: Sequence[Row]) -> Row:
+    """The finalist with the least errors over parts of the same kind and of other kinds, or a smaller one like it.
+
+    A smaller one replaces it if its errors are at most `_SAME` times as large, or up to `_NEAR` times where the record
+    does not tell the two apart.
+    """
+    best = min(finalists, key=lambda r: (r.score_of_kinds, r.d))
+    alike = [best]
+    for row in finalists:
+        gap = row.score_of_kinds - best.score_of_kinds
+        if gap <= np.log(_SAME) or (gap <= np.log(_NEAR) and confidence(best, row) < SURE):
+            alike.append(row)
+    return min(alike, key=lambda r: (r.d, r.score_of_kinds))
 
 
 def cut(budget: float, left_out: int) -> str:
