@@ -23,13 +23,11 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import results
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit_chain
-from sysid.estimation.result import Fit
-from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
+from sysid.selection.final_fit import final_fit
 from sysid.selection.folds import Fold, folds, folds_of_other_kinds
 from sysid.selection.journal import Journal, writing
-from sysid.selection.judge import AnyFit, Effort, Job, fitted, from_journal, judge, judge_by_kind, unchanged
+from sysid.selection.judge import Effort, Job, from_journal, judge, judge_by_kind, unchanged
 from sysid.selection.space import ORDERS, Space
 from sysid.selection.table import (
     BLOCKS,
@@ -42,7 +40,6 @@ from sysid.selection.table import (
     ranked,
     settings,
 )
-from sysid.solver.iterate import Options
 
 _SCREENED = 2000  # samples of each part in the first two rounds
 _LEADERS = 12  # candidates of round 3
@@ -54,9 +51,6 @@ _SCREENING, _LEADING, _CLIMBING, _CHOICE = 0.4, 0.6, 0.75, 0.88
 _FINALISTS, _KIND_STARTS = 5, 3
 _KINDS = 0  # the number of the choice in a journal
 _FIT_SHARE, _SCREENED_FIT_SHARE = 0.1, 0.03  # of the budget, for one fit
-_FAR_OFF = 2.0  # times the error on unseen data, above which the fit to all the data has ended in a poor optimum
-_MOST_TRIED = 3  # candidates
-_USUAL_SHARE = 0.6  # of the time, for the fit from the usual starts
 
 
 @checked(deferred=("seconds",))
@@ -153,8 +147,9 @@ def _choose(rows: list[Row], chosen: Row, data: IOData, work: "_Work") -> tuple[
 
     The finalists are in the order of their errors, so that a budget which ends early leaves out the worst.
     """
-    in_reach = {r.candidate: r for r in _rows_in_reach(rows, chosen)}
-    finalists = work.judge_by_kind(list(in_reach.values())[:_FINALISTS], folds_of_other_kinds(data))
+    in_reach = list({r.candidate: r for r in _rows_in_reach(rows, chosen)}.values())[:_FINALISTS]
+    finalists = work.judge_by_kind(in_reach, folds_of_other_kinds(data)) if len(in_reach) > 1 else []
+    work.unmet = len(in_reach) - len(finalists) if len(in_reach) > 1 else 0
     if len(finalists) < 2 or finalists[0].candidate != chosen.candidate:
         return rows, chosen
     by_candidate = {r.candidate: r for r in finalists}
@@ -226,6 +221,7 @@ class _Work:
     begun: float  # of time.time(), which the machines of a cluster share
     seconds: float
     left_out: list[Recipe] = field(default_factory=list)
+    unmet: int = 0  # finalists that were not judged by kind
 
     def judge(
         self, number: int, candidates: Sequence[Recipe], effort: Effort, share: float, short: bool = False
@@ -294,67 +290,10 @@ class _Work:
     def notes(self) -> tuple[str, ...]:
         """What the budget left out."""
         words = cut(self.seconds, len(self.left_out))
-        return (f"{words}; give it more seconds",) if words else ()
-
-
-def final_fit(
-    rows: Sequence[Row], chosen: Row, data: IOData, search: str, seed: int, effort: Effort
-) -> tuple[Row, AnyFit, tuple[str, ...]]:
-    """The row that is handed over, its fit, and notes on rows that were passed over.
-
-    A search on all the data may end in a poor local optimum: the fits to the parts are starts too, and a candidate
-    whose fit is nevertheless far below its own score on unseen data gives way to the next one. A model whose free run
-    diverges on a part of the record is never handed over.
-    """
-    order = [chosen, *(r for r in rows if r is not chosen and r.whole and np.isfinite(r.fit_percent))]
-    results: list[tuple[float, Row, AnyFit]] = []
-    notes: list[str] = []
-    for row in order[: 2 * _MOST_TRIED]:
-        if len(results) == _MOST_TRIED:
-            break
-        scaled_data = row.candidate.scale(data)
-        try:
-            fit = _best_fit(
-                row, scaled_data, search, seed, replace(effort, seconds=effort.seconds / (1 + len(results)))
+        notes = [f"{words}; give it more seconds"] if words else []
+        if self.unmet:
+            notes.append(
+                f"the budget of {self.seconds:g} s left no time to compare {self.unmet} of the best on parts of other "
+                "levels, rates and ends; give the search more seconds"
             )
-            percent = _percent(fit, scaled_data)
-        except InputError as error:
-            notes.append(f"{row.candidate} was passed over: {error}")
-            continue
-        if not np.isfinite(percent):
-            notes.append(f"{row.candidate} was passed over: its free run over all the data diverges")
-            continue
-        results.append((percent, row, fit))
-        # The parts are short free runs with initial states of their own, so some difference says nothing.
-        if 100.0 - percent <= _FAR_OFF * (100.0 - row.fit_percent) or percent >= row.fit_percent - 1.0:
-            break
-        notes.append(
-            f"{row.candidate} reaches {percent:.1f} % on all the data and {row.fit_percent:.1f} % on unseen parts: its "
-            "search ended in a local optimum, and the next candidate was tried"
-        )
-    if not results:
-        raise InputError(f"none of the best candidates can be fitted to the whole record and run over it: {notes[-1]}")
-    _, row, fit = max(results, key=lambda result: result[0])
-    return row, fit, tuple(notes)
-
-
-def _best_fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) -> AnyFit:
-    """The better of a fit from the usual starts and one from the fits to the parts."""
-    model = row.candidate.model()
-    usual = fitted(row.candidate, data, search, seed, replace(effort, seconds=_USUAL_SHARE * effort.seconds))
-    if not isinstance(model, Chain) or not isinstance(usual, Fit) or not row.thetas:
-        return usual
-    method = row.candidate.auto if search == "auto" else search
-    options = Options(max_iterations=effort.iterations, max_seconds=(1.0 - _USUAL_SHARE) * effort.seconds)
-    points = np.array([theta for theta in row.thetas if len(theta) == len(model.names)])
-    if not len(points):  # fits of finer maps, whose places differ from part to part
-        return usual
-    try:
-        refit = fit_chain(model, data, search=method, seed=seed, options=options, start=points)
-    except InputError:
-        return usual
-    return refit if refit.criteria.loss < usual.criteria.loss else usual
-
-
-def _percent(fit: AnyFit, data: IOData) -> float:
-    return fit.fit_percent(data)
+        return tuple(notes)
