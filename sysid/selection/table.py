@@ -113,7 +113,9 @@ class Selection(Shown):
             f"times those of {rival.candidate}, the best of another structure"
         )
         if ratio > 1.0:
-            return f"{text}, which has more parameters (d {rival.d} for {chosen.d})."
+            larger = rival.d > chosen.d
+            reason = f"has more parameters (d {rival.d} for {chosen.d})" if larger else "was passed over, see the notes"
+            return f"{text}, which {reason}."
         if sure < SURE:
             return f"{text}; this record does not tell the two apart (sure to {100.0 * sure:.0f} %)."
         return f"{text} (sure to {min(np.floor(1000.0 * sure) / 10.0, 99.9):g} %)."
