@@ -1,6 +1,7 @@
 """What is kept so that work can go on: a row that is not what was written neither counts nor stops anything."""
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -69,7 +70,7 @@ def _better(row):
 
 
 def _worst(rows):
-    return min(range(len(rows)), key=lambda k: json.loads(rows[k])["values"]["fit"])
+    return min(range(len(rows)), key=lambda k: json.loads(rows[k])["values"].get("fit", math.inf))
 
 
 def test_a_value_changed_by_hand_does_not_change_the_winner(searched, tmp_path):
