@@ -36,6 +36,7 @@ from sysid.estimation.guard import (
     ease_curvature,
     follow_noise,
     linear_reference,
+    missing_offset,
     worse_than_constant,
 )
 from sysid.estimation.initial_state import with_initial_states
@@ -173,7 +174,7 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
         warnings=(
             *_warnings(model, theta, covariance, outcome),
             *_warn_without_agreement(result),
-            *worse_than_constant(data, mse),
+            *(worse_than_constant(data, mse) or missing_offset(problem, outcome.p)),
         ),
         losses=tuple(c * normal.size**2 / N for c in result.costs),
         members=result.members,

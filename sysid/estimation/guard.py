@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from sysid.base.errors import InputError
 from sysid.blocks import Offset
 from sysid.data.record import IOData
-from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.free_run import autoregression
+from sysid.estimation.initial_state import filters_only, with_initial_states
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
@@ -20,7 +23,8 @@ from sysid.estimation.starts._start import (
 )
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
-from sysid.solver.iterate import iterate, time_limit
+from sysid.solver.iterate import SMALL, iterate, time_limit
+from sysid.solver.linearisation import column_scale
 from sysid.solver.searches import LevenbergMarquardt
 
 _SHOWN = 20_000  # samples that give the linear start
@@ -28,6 +32,8 @@ _QUICK = 5000  # samples whose linear start takes less than a second: also where
 _EASED, _EASE = 3, 0.1  # times that the weight of the kinks is made smaller, and the share that is left of it
 _BELOW = 0.999  # times a loss: what is a better linear model
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
+_HELD = 1e-3  # of a constant, left by a chain that holds it
+_FALSE_ALARMS = 1e-3  # of the test for an offset
 _PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
@@ -189,3 +195,52 @@ def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
         "the free run is further from the output than the output's own mean: give the structure an offset of its "
         'output (offset="free"), or choose another structure or other orders',
     )
+
+
+def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
+    """A warning where an offset of the output, which the chain does not hold, would lower the loss.
+
+    A score test: what the linearised chain leaves of a constant is fitted to what it leaves of the errors. The errors
+    are seldom white, so their mean is as uncertain as their autoregression makes it. Where a filter holds a
+    constant and no map does, a pole near 1 has taken the place of the offset.
+    """
+    record = problem.records[0]
+    if record.y.shape[1] > 1 or problem.chain.predicts or not filters_only(problem.chain):
+        return ()
+    record = record.select(0, min(record.N, _SHOWN))
+    moving = int(problem.moving.sum())
+    short = replace(problem.plain, theta0=problem.thetas(p)[:1], records=(record,), scratch={})
+    e, J = short.linearise(np.zeros(moving))
+    if not (np.all(np.isfinite(J)) and np.any(e)):
+        return ()
+    left, constant = _rest(J, e), _rest(J, np.ones(len(e)))
+    share = float(constant @ constant) / len(e)
+    if share < _HELD:
+        of_filters = np.zeros(len(problem.moving), dtype=bool)
+        for part, _ in problem.chain.dynamics:
+            of_filters[part] = True
+        by_maps = _rest(J[:, ~of_filters[problem.moving]], np.ones(len(e)))  # but for the filters' transient
+        return (_SLOW,) if float(by_maps @ by_maps) > 0.5 * len(e) else ()
+    offset = float(left @ constant) / (share * len(e))
+    rest = left - offset * constant
+    a = np.array(autoregression(rest, (len(rest),), float(np.std(record.y))))
+    variance = float(np.var(lfilter([1.0, *-a], [1.0], rest))) / (1.0 - a.sum()) ** 2 / (share * len(e))
+    gain = 100.0 * (1.0 - float(rest @ rest) / float(left @ left))
+    if not (gain > SMALL and offset**2 > chi2.isf(_FALSE_ALARMS, 1) * variance):
+        return ()
+    return (
+        f"the structure has no offset of its output, and one would lower the loss by about {gain:.0f} %: give it one "
+        '(offset="free")',
+    )
+
+
+_SLOW = (
+    "a pole is slower than the record, and its initial state takes the place of an offset: if the plant does not "
+    'integrate, give the structure an offset of its output (offset="free")'
+)
+
+
+def _rest(J: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """What the columns of J (N, P) leave of x (N,)."""
+    scaled = J / column_scale(J)
+    return np.asarray(x - scaled @ np.linalg.lstsq(scaled, x, rcond=None)[0])

@@ -105,3 +105,31 @@ def test_a_dead_zone_behind_a_filter_is_found_and_starts_with_the_gain_of_its_cu
     losses = [np.mean((y - model.outputs(theta, u)[:, 0]) ** 2) for theta in points]
     assert min(losses) < 0.6 * y.var()  # mostly 0.9 without that gain
     assert sysid.fit(model, data).criteria.mse < 1.1 * np.mean(noise**2)
+
+
+def _filtered(seed: int, offset: float) -> tuple[sysid.IOData, float]:
+    """A first-order plant with an offset of that many standard deviations, and the variance of its white noise."""
+    rng = np.random.default_rng(seed)
+    u, p = np.repeat(rng.uniform(-1.0, 1.0, 80), 5), rng.uniform(0.3, 0.95)
+    y = lfilter([0.0, 1.0 - p], [1.0, -p], u)
+    noise = 0.1 * float(y.std())
+    return sysid.IOData(u, y + offset * y.std() + noise * rng.standard_normal(len(u)), TS), noise**2
+
+
+@pytest.mark.parametrize("offset", [0.1, 1.0, 20.0])
+def test_a_structure_without_the_offset_that_the_record_has_is_told_and_the_advice_helps(offset):
+    """A large offset drives a pole to 1, where the initial state stands for it: the score alone does not see it."""
+    for seed in range(5):
+        data, variance = _filtered(seed, offset)
+        bare = sysid.fit(output_error(1, 1, 1), data, starts=1)
+        assert 'offset="free"' in " ".join(bare.warnings)
+        free = sysid.fit(output_error(1, 1, 1, offset="free"), data, starts=1)
+        assert free.criteria.loss < 1.2 * variance < bare.criteria.loss
+        assert not any("offset" in text for text in free.warnings)
+
+
+def test_a_record_without_an_offset_is_not_said_to_have_one():
+    for seed in range(20):
+        for model in (output_error(1, 1, 1), wiener(1, 1, 1, "saturation"), wiener(1, 1, 1)):
+            fit = sysid.fit(model, _filtered(seed, 0.0)[0], starts=1)
+            assert not any("offset" in text for text in fit.warnings)
