@@ -13,8 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
+from sysid.block.block import Block
+from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
 from sysid.estimation.normal import Normal
+from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.model.chain import Chain
@@ -72,6 +75,13 @@ def finer_maps(
     return finer, fine_normal, _fit_with_prior(context, result, maps, precisions)
 
 
+def becomes_finer(model: Chain, objective: Objective) -> bool:
+    """Whether all maps of the chain whose break points may move end with many places."""
+    maps = [block for block in model.blocks if any(isinstance(part, PiecewiseLinear) for _, part in block.parts())]
+    ends = [isinstance(b, PiecewiseLinear) and b.free_knots and b.knots is None and _may_change(model, b) for b in maps]
+    return bool(objective.knots and not objective.ridge and maps and all(ends))
+
+
 def has_finer_maps(chain: Chain) -> bool:
     """Whether maps of the chain have the many places of a former fit, and so need their prior."""
     return any(len(block.slope_changes()) for block in chain.blocks)
@@ -106,9 +116,8 @@ def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> 
     runs = [model.signals(theta, e.u) for theta, e in zip(thetas, data.experiments, strict=True)]
     blocks, parts = [], []
     for k, block in enumerate(model.blocks):
-        part = model.index(block)
-        change = None
-        if block.channels == (1, 1) and model.free[part].all() and not _limited(model, part):
+        part, change = model.index(block), None
+        if _may_change(model, block):
             x = np.concatenate([run[k].reshape(-1) for run in runs])
             change = block.finer(thetas[0, part], x, knots)
         blocks.append(block if change is None else change[0])
@@ -116,9 +125,11 @@ def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> 
     return replace(model, blocks=tuple(blocks)), np.hstack(parts)
 
 
-def _limited(model: Chain, part: slice) -> bool:
-    """Whether a parameter of this part has bounds of the user's."""
-    return any(name in model.bounds for name in model.names[part])
+def _may_change(model: Chain, block: Block) -> bool:
+    """Whether the block is one map whose parameters are free, without bounds of the user's."""
+    part = model.index(block)
+    limited = any(name in model.bounds for name in model.names[part])
+    return block.channels == (1, 1) and bool(model.free[part].all()) and not limited
 
 
 def _maps(chain: Chain, theta: np.ndarray) -> _Maps:

@@ -28,7 +28,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
 from sysid.data.record import IOData, check_magnitudes
-from sysid.estimation.finer_maps import finer_maps, has_finer_maps, smoothing
+from sysid.estimation.finer_maps import becomes_finer, finer_maps, has_finer_maps, smoothing
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,
@@ -100,7 +100,7 @@ def fit_chain(
         else:
             result = search_from_points(context, _given_points(model, start))
             reference = _given_reference(context, result)
-        if not has_finer_maps(model):
+        if not (becomes_finer(model, objective) or has_finer_maps(model)):  # these have a prior instead
             result = follow_noise(context, result)
             result = ease_curvature(context, result, reference)
         if objective.knots and not objective.ridge:
