@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sysid.base.checks import checked
 from sysid.block.block import Law, Piecewise, Slot
@@ -92,6 +93,12 @@ class Innovations(TransferFunction):
             noise = [c[j - 1] * _later(e, j) for j in range(k, self.nf + 1)]
             known = [*known[1:], forced + sum(terms) + sum(noise)]
         return known[-1]
+
+    def error_spread(self, theta: np.ndarray, horizon: int) -> np.ndarray:
+        """Deviations (horizon,) of the errors of predictions 1, 2, ... samples ahead for e of variance 1."""
+        f, c = self.split(theta)[1], theta[self.states.stop :]
+        first = np.eye(1, horizon)[0]
+        return np.asarray(np.sqrt(np.cumsum(lfilter([1.0, *c], [1.0, *f], first) ** 2)))
 
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
         return None  # a search needs predictions, which take the whole record

@@ -178,7 +178,7 @@ def _one_step_rows(evaluation: Evaluation) -> list[tuple[str, str, str]]:
         ("fit, ONE STEP ahead, estimation data", percent(prediction.estimation_fit), meaning),
     ]
     if prediction.growth is not None:
-        ahead = f"fit, {prediction.growth.horizon} STEPS ahead, validation data"
+        ahead = f"fit, {prediction.growth.ahead.upper().replace('AHEAD', 'ahead')}, validation data"
         meaning = "each sample from measured samples at least so long before"
         rows.append((ahead, percent(prediction.growth.fit), meaning))
     return rows

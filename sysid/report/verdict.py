@@ -27,7 +27,7 @@ def fits_in_words(e: Evaluation) -> str:
     if e.growing is None:
         return f"has a {free} ({percent(e.estimation_fit)} on the estimation data)"
     return (
-        f"predicts the validation data {e.growing.horizon} steps ahead with a fit of {percent(e.growing.fit)}; its "
+        f"predicts the validation data {e.growing.ahead} with a fit of {percent(e.growing.fit)}; its "
         f"{free} says little, because a free run adds up every error where the plant itself does not settle"
     )
 

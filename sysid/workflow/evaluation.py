@@ -10,10 +10,10 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.poles import Motion, motion
 from sysid.block.block import StaticBlock
-from sysid.blocks import Channels
+from sysid.blocks import Channels, Innovations
 from sysid.blocks.offset import is_offset
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
+from sysid.diagnosis.residuals import POOR, HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
@@ -219,11 +219,19 @@ def _one_step(fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> On
 
 
 def _growth(fit: Fit, validation: IOData) -> Growing | None:
-    """The prediction over which errors grow to e times, of a model that does not settle; at most `_FAR` samples."""
+    """The prediction that tells a right model that does not settle from a wrong one.
+
+    As far ahead as the model's own noise leaves a fit that is not poor, at most to where errors have grown e times, or
+    `_FAR` samples: further ahead the best of models is bad.
+    """
     if fit.settles:
         return None
     rate = float(np.log(np.abs(fit.poles).max()))
-    horizon = int(np.clip(round(1.0 / rate) if rate > 1.0 / _FAR else _FAR, 2, _FAR))
+    far = int(np.clip(round(1.0 / rate) if rate > 1.0 / _FAR else _FAR, 2, _FAR))
+    (part, block), *_ = fit.model.dynamics
+    assert isinstance(block, Innovations)
+    spread = np.sqrt(fit.criteria.mse) * block.error_spread(fit.theta[part], far)
+    horizon = max(1, int(np.sum(100.0 * (1.0 - spread / max(float(validation.y.std()), 1e-300)) >= POOR)))
     return Growing(horizon, fit.prediction_percent(validation, horizon=horizon))
 
 

@@ -130,10 +130,7 @@ def _loop(result: Identification) -> NextStep | None:
     e = result.evaluation
     if isinstance(e.setting.recipe, Armax | NonlinearArx | ActuatedJoint):
         return None
-    topics = {a.topic: a for a in result.advice}
-    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
-    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
-    if at_once or (feedback is not None and feedback.severity == "warning"):
+    if _in_loop(result):
         reason = "the input seems to come from a controller of the output"
     elif e.motion == Motion.STABLE:
         return None
@@ -142,11 +139,19 @@ def _loop(result: Identification) -> NextStep | None:
     return NextStep(f"{reason}, where a free run says little", command(result, structure=Armax.name))
 
 
+def _in_loop(result: Identification) -> bool:
+    """Whether a controller seems to make the input of the output: an input then holds the error of its own sample."""
+    topics = {a.topic: a for a in result.advice}
+    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
+    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
+    return at_once or (feedback is not None and feedback.severity == "warning")
+
+
 def _delay(result: Identification) -> NextStep | None:
-    """Orders that cannot represent the delay of the record."""
+    """Orders that cannot represent the delay of the record; a record of a closed loop does not show it."""
     recipe = result.evaluation.setting.recipe
     delays = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
-    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays:
+    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or _in_loop(result):
         return None
     delay, nk = int(delays[0]), recipe.orders["nk"]
     if _holds(recipe, delay):

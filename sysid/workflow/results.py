@@ -36,10 +36,15 @@ class Curve:
 
 @dataclass(frozen=True)
 class Growing:
-    """Prediction of the validation data `horizon` samples ahead, in which errors of a free run grow: its fit [%]."""
+    """Prediction of the validation data `horizon` samples ahead, which the noise leaves possible: its fit [%]."""
 
     horizon: int
     fit: float
+
+    @property
+    def ahead(self) -> str:
+        """How far ahead, in words."""
+        return "one step ahead" if self.horizon == 1 else f"{self.horizon} steps ahead"
 
 
 @dataclass(frozen=True)
@@ -153,7 +158,7 @@ class Evaluation:
     @property
     def judged(self) -> str:
         """What `judged_fit` is the fit of, in words."""
-        return "free run" if self.growing is None else f"prediction {self.growing.horizon} steps ahead"
+        return "free run" if self.growing is None else f"prediction {self.growing.ahead}"
 
     @property
     def growing(self) -> Growing | None:
