@@ -40,6 +40,12 @@ def takes_a_number(verb, option):
     return bool({int, float} & {kind, *get_args(kind)})
 
 
+def without(words, option):
+    """The words of a command without this option and its value."""
+    k = words.index(option) if option in words else len(words)
+    return [*words[:k], *words[k + 2 :]]
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory):
     """A record of y_t = 0.8 y_{t-1} + u_{t-1}, a model of it, and a log of the leg."""
@@ -72,7 +78,7 @@ def test_an_odd_value_is_one_sentence_or_begins_the_run(verb, option, stopped, c
     before = sorted(path.name for path in stopped.rglob("*"))
     for value in (*NUMBERS, "", "x" * 10_000, "1:0", "\0") if takes_a_number(verb, option) else (*TEXTS, "nan", "-1"):
         try:
-            code = main([verb, *GOOD[verb], option.opts[0], value])
+            code = main([verb, *without(GOOD[verb], option.opts[0]), option.opts[0], value])
         except Begun:
             code = 0
         out, err = capsys.readouterr()
@@ -86,6 +92,14 @@ def test_an_odd_value_is_one_sentence_or_begins_the_run(verb, option, stopped, c
         assert re.fullmatch(r"qpal: [^\n]{10,2100}\n", err), (value[:20], err[-300:])
         assert "Traceback" not in err
         assert "Warning" not in err
+
+
+@pytest.mark.parametrize(("verb", "option"), [p for p in OPTIONS if not p.values[1].multiple])
+def test_an_option_given_twice_is_refused(verb, option, stopped, capsys):
+    """The last one counted, in silence: `--input u1 --input u2` identified a model of u2 alone."""
+    name = option.opts[0]
+    assert main([verb, *without(GOOD[verb], name), name, "1", name, "2"]) == 2
+    assert capsys.readouterr().err.startswith(f"qpal: {name} is given 2 times; give it once")
 
 
 @pytest.mark.parametrize("verb", sorted(set(GOOD) - {"view", "app"}))

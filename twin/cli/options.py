@@ -239,7 +239,18 @@ _PLACE = re.compile(r"[\[{]?(FILE|DIR|LOG|MODEL|TABLE|BASE)\b")  # how a file or
 
 
 class Verb(TyperCommand):
-    """A verb that refuses a file or a folder without a name, and a text that no system takes."""
+    """A verb that refuses an option given twice, a file or a folder without a name, and a text that no system takes."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        _, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
+        for parameter in order:
+            once = parameter.param_type_name == "option" and not (parameter.multiple or parameter.is_flag)
+            if once and order.count(parameter) > 1:
+                raise InputError(
+                    f"{parameter.opts[0]} is given {order.count(parameter)} times; give it once, with commas between "
+                    "several values"
+                )
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         for parameter in self.get_params(ctx):
