@@ -100,8 +100,10 @@ def fit_chain(
         else:
             result = search_from_points(context, _given_points(model, start))
             reference = _given_reference(context, result)
-        if not (becomes_finer(model, objective) or has_finer_maps(model)):  # these have a prior instead
+        has_prior = becomes_finer(model, objective) or has_finer_maps(model)  # instead of a curvature weight
+        if not has_prior or (objective.huber_threshold is not None and not has_finer_maps(model)):
             result = follow_noise(context, result)
+        if not has_prior:
             result = ease_curvature(context, result, reference)
         if objective.knots and not objective.ridge:
             weights = start.smoothing if isinstance(start, Fit) else None

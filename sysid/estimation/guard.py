@@ -24,7 +24,6 @@ from sysid.estimation.starts._start import (
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.iterate import SMALL, iterate, time_limit
-from sysid.solver.linearisation import column_scale
 from sysid.solver.searches import LevenbergMarquardt
 
 _SHOWN = 20_000  # samples that give the linear start
@@ -213,7 +212,8 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
     e, J = short.linearise(np.zeros(moving))
     if not (np.all(np.isfinite(J)) and np.any(e)):
         return ()
-    left, constant = _rest(J, e), _rest(J, np.ones(len(e)))
+    unit = float(np.abs(e).max())
+    left, constant = _rest(J, e / unit), _rest(J, np.ones(len(e)))
     share = float(constant @ constant) / len(e)
     if share < _HELD:
         of_filters = np.zeros(len(problem.moving), dtype=bool)
@@ -223,7 +223,7 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
         return (_SLOW,) if float(by_maps @ by_maps) > 0.5 * len(e) else ()
     offset = float(left @ constant) / (share * len(e))
     rest = left - offset * constant
-    a = np.array(autoregression(rest, (len(rest),), float(np.std(record.y))))
+    a = np.array(autoregression(rest, (len(rest),), float(np.std(record.y / unit))))
     variance = float(np.var(lfilter([1.0, *-a], [1.0], rest))) / (1.0 - a.sum()) ** 2 / (share * len(e))
     gain = 100.0 * (1.0 - float(rest @ rest) / float(left @ left))
     if not (gain > SMALL and offset**2 > chi2.isf(_FALSE_ALARMS, 1) * variance):
@@ -242,5 +242,6 @@ _SLOW = (
 
 def _rest(J: np.ndarray, x: np.ndarray) -> np.ndarray:
     """What the columns of J (N, P) leave of x (N,)."""
-    scaled = J / column_scale(J)
+    size = np.abs(J).max(axis=0, initial=0.0)
+    scaled = J / np.where(size > 0.0, size, np.inf)
     return np.asarray(x - scaled @ np.linalg.lstsq(scaled, x, rcond=None)[0])

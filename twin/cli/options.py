@@ -244,7 +244,9 @@ class Verb(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         _, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
         for parameter in order:
-            once = parameter.param_type_name == "option" and not (parameter.multiple or parameter.is_flag)
+            once = parameter.param_type_name == "option" and not (
+                parameter.multiple or getattr(parameter, "is_flag", False)
+            )
             if once and order.count(parameter) > 1:
                 raise InputError(
                     f"{parameter.opts[0]} is given {order.count(parameter)} times; give it once, with commas between "
