@@ -394,3 +394,9 @@ def write_lag(folder):
     rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(u.tolist(), y.tolist(), strict=True))
     (folder / "log.csv").write_text("u,y\n" + rows)
     sysid.fit(sysid.structures.output_error(1, 1, 1), sysid.IOData(u, y, 0.1)).save(folder / "model.json")
+
+
+def without(words, option):
+    """The words of a command without this option and its value."""
+    k = words.index(option) if option in words else len(words)
+    return [*words[:k], *words[k + 2 :]]

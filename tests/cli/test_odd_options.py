@@ -10,7 +10,7 @@ from typing import get_args
 
 import pytest
 import typer
-from cases import VERBS, write_lag
+from cases import VERBS, without, write_lag
 
 import twin
 from sysid.report.page import Page, write
@@ -38,12 +38,6 @@ def takes_a_number(verb, option):
     annotation = inspect.signature(function, eval_str=True).parameters[option.name].annotation
     kind = get_args(annotation)[0]
     return bool({int, float} & {kind, *get_args(kind)})
-
-
-def without(words, option):
-    """The words of a command without this option and its value."""
-    k = words.index(option) if option in words else len(words)
-    return [*words[:k], *words[k + 2 :]]
 
 
 @pytest.fixture(scope="module")
