@@ -19,6 +19,7 @@ from sysid.data.record import IOData
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
+from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.model.chain import Chain
 from sysid.solver.linearisation import Linearisation
@@ -38,6 +39,27 @@ class _Maps:
 
     rows: np.ndarray
     groups: tuple[slice, ...]
+    places: tuple[int, ...]  # of each map in the chain
+
+    def prior(self, problem: ChainProblem, theta: np.ndarray) -> Prior:
+        """The prior around theta (P,) with weights of 1, which the scale of a map before a filter does not change.
+
+        The filter behind undoes that scale. Changes of slope count by the deviation of the map's output, so that a
+        smaller scale is not a smoother map.
+        """
+        chain, rows = problem.chain, self.rows.copy()
+        changes = rows @ theta
+        inner = chain.signals(theta, problem.records[0].u)
+        for k, group in zip(self.places, self.groups, strict=True):
+            if k == len(chain.blocks) - 1:
+                continue
+            part = chain.index(chain.blocks[k])
+            hats = [chain.blocks[k].output(hat, inner[k]) for hat in np.eye(part.stop - part.start)]
+            C = np.column_stack(hats) - np.mean(hats, axis=1)
+            f = C @ theta[part]
+            if np.any(f):
+                rows[group, part] -= np.outer(changes[group], C.T @ f / float(f @ f))
+        return Prior(rows, rows @ theta - changes, np.ones(len(rows)), chosen=True)
 
 
 def finer_maps(
@@ -134,8 +156,8 @@ def _may_change(model: Chain, block: Block) -> bool:
 
 def _maps(chain: Chain, theta: np.ndarray) -> _Maps:
     """The changes of slope of all maps at fixed places, which are free."""
-    rows, groups, count = [np.empty((0, len(theta)))], [], 0
-    for block in chain.blocks:
+    rows, groups, count, places = [np.empty((0, len(theta)))], [], 0, list[int]()
+    for k, block in enumerate(chain.blocks):
         changes = block.slope_changes()
         if not len(changes) or not chain.free[chain.index(block)].all():
             continue
@@ -145,12 +167,13 @@ def _maps(chain: Chain, theta: np.ndarray) -> _Maps:
         wide[:, chain.index(block)] = changes / (float(np.ptp(slopes)) or 1.0)
         rows.append(wide)
         groups.append(slice(count, count + len(changes)))
+        places.append(k)
         count += len(changes)
-    return _Maps(np.concatenate(rows), tuple(groups))
+    return _Maps(np.concatenate(rows), tuple(groups), tuple(places))
 
 
 def held_scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
-    """True (P,) for one value of each map before a filter: its scale is redundant, and a prior would shrink it."""
+    """True (P,) for one value of each map before a filter, whose scale is redundant."""
     held = np.zeros(len(theta), dtype=bool)
     for block in chain.blocks[:-1]:
         if len(block.slope_changes()):
@@ -170,9 +193,11 @@ def _fit_with_prior(
     for _ in range(_ROUNDS):
         bare = problem.bare
         lin = bare.compact(outcome.p) or Linearisation.of(*bare.linearise(outcome.p))
-        settled = precisions.update(lin, maps.rows @ problem.thetas(outcome.p)[0], maps.rows @ basis)
+        theta = problem.thetas(outcome.p)[0]
+        prior = maps.prior(problem, theta)
+        settled = precisions.update(lin, maps.rows @ theta, prior.rows @ basis)
         weight = np.sqrt(precisions.precision * precisions.noise)
-        candidate = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
+        candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
         end = context.iterate(candidate, outcome.p, options)
         if not np.isfinite(end.cost):
             break
@@ -182,6 +207,9 @@ def _fit_with_prior(
     if not outcome.stop.converged:
         last = replace(options, max_iterations=min(_LAST, context.options.max_iterations))
         outcome = outcome.then(context.iterate(problem, outcome.p, last))
+    if problem.prior is not None:
+        weight = problem.prior.weight
+        problem = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
     return replace(result, problem=problem, outcome=outcome)
 
 

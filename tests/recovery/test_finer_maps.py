@@ -7,7 +7,10 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, Objective
-from sysid.blocks import PiecewiseLinear
+from sysid.blocks import PiecewiseLinear, TransferFunction
+from sysid.estimation.finer_maps import _Maps
+from sysid.estimation.problem import ChainProblem
+from sysid.model.chain import Chain
 from sysid.report.verdict import band_in_words
 from sysid.solver.covariance import effective_count
 from sysid.solver.linearisation import Linearisation
@@ -218,3 +221,35 @@ def test_a_report_says_what_the_band_of_the_validation_run_is_made_of(span, word
     (sentence,) = band_in_words(evaluation)
     assert words in sentence
     assert evaluation.held == pytest.approx(0.95, abs=0.03 if span == 1.0 else 0.06)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_behind_it(seed):
+    """Its changes of slope count by the deviation of the map's output, against differences; a scale changes nothing.
+
+    Where a smaller scale was a smoother map, it shrank until one value beyond the signal's range held it: one of 120
+    fits ran to 43 times the output.
+    """
+    rng = np.random.default_rng(seed)
+    block = PiecewiseLinear(role="input", free_knots=False, at=tuple(np.sort(rng.uniform(-1.0, 1.0, 8))))
+    linear = TransferFunction(2, 1, 1, role="linear")
+    chain = Chain((block, linear))
+    theta = np.concatenate([rng.normal(size=8), [1.0, 0.5, -0.7], np.zeros(2)])
+    data = IOData(rng.uniform(-1.2, 1.2, 300), np.ones(300), 1.0)
+    rows = np.zeros((6, len(theta)))
+    rows[:, :8] = block.slope_changes()
+    problem = ChainProblem.least_squares(chain, theta, data.u, data.y)
+    prior = _Maps(rows, (slice(0, 6),), (0,)).prior(problem, theta)
+
+    def relative(theta):
+        return -rows @ theta / np.std(chain.signals(theta, data.u)[1])
+
+    unit = np.std(chain.signals(theta, data.u)[1])
+    np.testing.assert_allclose(prior.errors(theta), unit * relative(theta), atol=1e-12)
+    for i in range(len(theta)):
+        h = 1e-6 * np.eye(len(theta))[i]
+        difference = unit * (relative(theta + h) - relative(theta - h)) / 2e-6
+        np.testing.assert_allclose(-prior.rows[:, i], difference, atol=1e-6)
+    scaled = theta.copy()
+    scaled[:8] *= 0.01
+    np.testing.assert_allclose(prior.rows @ (theta - scaled), 0.0, atol=1e-12)
