@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
+from scipy.signal import lfilter
 
 from sysid.block.block import Block
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
+from sysid.estimation.free_run import autoregression
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
@@ -192,11 +194,16 @@ def _fit_with_prior(
     options = replace(context.options, max_iterations=min(_ITERATIONS, context.options.max_iterations))
     for _ in range(_ROUNDS):
         bare = problem.bare
-        lin = bare.compact(outcome.p) or Linearisation.of(*bare.linearise(outcome.p))
         theta = problem.thetas(outcome.p)[0]
         prior = maps.prior(problem, theta)
-        settled = precisions.update(lin, maps.rows @ theta, prior.rows @ basis)
-        weight = np.sqrt(precisions.precision * precisions.noise)
+        rows = prior.rows @ basis
+        lin = bare.compact(outcome.p)
+        if lin is None:
+            e, J = bare.linearise(outcome.p)
+            lin = Linearisation.of(e, J)
+            precisions.alike = max(precisions.alike, samples_alike(e, J[:, np.any(rows, axis=0)]))
+        settled = precisions.update(lin, maps.rows @ theta, rows)
+        weight = np.sqrt(precisions.precision * precisions.noise * precisions.alike)
         candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
         end = context.iterate(candidate, outcome.p, options)
         if not np.isfinite(end.cost):
@@ -213,6 +220,19 @@ def _fit_with_prior(
     return replace(result, problem=problem, outcome=outcome)
 
 
+def samples_alike(e: np.ndarray, J: np.ndarray) -> float:
+    """How many samples of the errors e (N,) say what one would if they were white, for parameters of Jacobian J (N, P).
+
+    The variance of J'e under the autoregression of the errors, by that under white ones.
+    """
+    a = np.array(autoregression(e, (len(e),)))
+    if not len(a) or not J.shape[1]:
+        return 1.0
+    shape = np.concatenate([[1.0], -a])
+    share = float(np.var(lfilter(shape, [1.0], e)) / np.var(e))
+    return max(1.0, share * float(np.sum(lfilter([1.0], shape, J[::-1], axis=0) ** 2) / np.sum(J**2)))
+
+
 class _Precisions:
     """Precisions (k,) of the changes of slope and the variance of the noise, by expectation and maximisation."""
 
@@ -222,6 +242,7 @@ class _Precisions:
         self.precision: np.ndarray = np.empty(0)
         self.weight: np.ndarray = np.empty(0)
         self.noise = 0.0
+        self.alike = 1.0
 
     def begin(self, weight: np.ndarray) -> None:
         """From the weights (k,) of a fit that goes on, which are deviations of the noise by those of the prior."""
@@ -247,7 +268,7 @@ class _Precisions:
         for _ in range(_UPDATES):
             delta, variance, count = self._posterior(lin, changes)
             e = lin.z - lin.R @ delta
-            self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
+            self.noise = max((float(e @ e) + rest) / max(lin.N - self.alike * count, 1.0), 1e-30 * lin.cost)
             square = (changes + self.rows @ delta) ** 2 + variance
             precision = np.concatenate([self._group(g, square[g], gaussian) for g in self.groups])
             step = float(np.max(np.abs(np.log(precision / self.precision))))
@@ -266,15 +287,16 @@ class _Precisions:
 
     def _posterior(self, lin: Linearisation, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Mean (n,) of the step, variance (k,) of the changes of slope, and the effective number of parameters."""
+        noise = self.noise * self.alike
         weighted = self.rows * self.precision[:, None]
-        H = lin.R.T @ lin.R / self.noise + self.rows.T @ weighted
+        H = lin.R.T @ lin.R / noise + self.rows.T @ weighted
         scale = np.sqrt(np.diag(H))
         scale[scale == 0.0] = 1.0
         L = cholesky(H / np.outer(scale, scale) + _JITTER * np.eye(len(H)), lower=True)
         inverse = solve_triangular(L, np.diag(1.0 / scale), lower=True)  # its square is H's inverse
-        delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / self.noise - weighted.T @ changes))
+        delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / noise - weighted.T @ changes))
         variance = np.sum((inverse @ self.rows.T) ** 2, axis=0)
-        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / self.noise
+        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / noise
 
 
 def _square(changes: np.ndarray) -> float:
