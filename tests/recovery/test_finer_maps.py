@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 import sysid
 from sysid import IOData, Objective
 from sysid.blocks import PiecewiseLinear, TransferFunction
-from sysid.estimation.finer_maps import _Maps
+from sysid.estimation.finer_maps import _Maps, samples_alike
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.report.verdict import band_in_words
@@ -253,3 +253,27 @@ def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_beh
     scaled = theta.copy()
     scaled[:8] *= 0.01
     np.testing.assert_allclose(prior.rows @ (theta - scaled), 0.0, atol=1e-12)
+
+
+def test_errors_that_remember_count_as_fewer_samples():
+    """Against the closed form of errors e(t) = 0.8 e(t-1) + white: (1 + 0.8) / (1 - 0.8) for a mean."""
+    rng = np.random.default_rng(0)
+    e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(20_000))
+    slow, fast = np.ones((len(e), 1)), np.resize([1.0, -1.0], len(e))[:, None]
+    assert samples_alike(e, slow) == pytest.approx(9.0, rel=0.1)
+    assert samples_alike(e, fast) == 1.0  # no more than white errors
+    assert samples_alike(rng.standard_normal(20_000), slow) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", often(12, 4))
+def test_maps_do_not_follow_noise_that_remembers(seed):
+    """Noise that remembers five samples has slow waves, which 50 places could follow: d was 32 to 42."""
+    rng = np.random.default_rng(seed)
+    u, unseen = (np.repeat(rng.uniform(-size, size, 200), 5) for size in (1.5, 1.4))
+    y, truth = (lfilter([0.0, 0.3], [1.0, -0.7], np.tanh(1.3 * x)) for x in (u, unseen))
+    deviation = 0.1 * y.std()
+    noise = deviation * lfilter([0.6], [1.0, -0.8], rng.standard_normal(len(u)))
+    fit = sysid.fit(hammerstein(1, 1, 1), IOData(u, y + noise, 1.0))
+    error = (fit.simulate(IOData(unseen, truth, 1.0)) - truth)[100:]
+    assert fit.criteria.d < 20
+    assert np.sqrt(np.mean(error**2)) < 0.4 * deviation
