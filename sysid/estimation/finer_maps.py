@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
-from scipy.signal import lfilter
 
 from sysid.block.block import Block
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
-from sysid.estimation.free_run import autoregression
+from sysid.estimation.free_run import samples_alike
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
@@ -55,12 +54,12 @@ class _Maps:
         for k, group in zip(self.places, self.groups, strict=True):
             if k == len(chain.blocks) - 1:
                 continue
-            part = chain.index(chain.blocks[k])
-            hats = [chain.blocks[k].output(hat, inner[k]) for hat in np.eye(part.stop - part.start)]
-            C = np.column_stack(hats) - np.mean(hats, axis=1)
-            f = C @ theta[part]
-            if np.any(f):
-                rows[group, part] -= np.outer(changes[group], C.T @ f / float(f @ f))
+            block, part, x = chain.blocks[k], chain.index(chain.blocks[k]), inner[k]
+            f = block.output(theta[part], x)
+            f = f - f.mean()
+            if np.any(f):  # one hat at a time: all of a long record would not stay in memory
+                slope = np.array([block.output(hat, x) @ f for hat in np.eye(block.n_parameters)])
+                rows[group, part] -= np.outer(changes[group], slope / float(f @ f))
         return Prior(rows, rows @ theta - changes, np.ones(len(rows)), chosen=True)
 
 
@@ -218,19 +217,6 @@ def _fit_with_prior(
         weight = problem.prior.weight
         problem = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
     return replace(result, problem=problem, outcome=outcome)
-
-
-def samples_alike(e: np.ndarray, J: np.ndarray) -> float:
-    """How many samples of the errors e (N,) say what one would if they were white, for parameters of Jacobian J (N, P).
-
-    The variance of J'e under the autoregression of the errors, by that under white ones.
-    """
-    a = np.array(autoregression(e, (len(e),)))
-    if not len(a) or not J.shape[1]:
-        return 1.0
-    shape = np.concatenate([[1.0], -a])
-    share = float(np.var(lfilter(shape, [1.0], e)) / np.var(e))
-    return max(1.0, share * float(np.sum(lfilter([1.0], shape, J[::-1], axis=0) ** 2) / np.sum(J**2)))
 
 
 class _Precisions:

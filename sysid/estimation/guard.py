@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from sysid.base.errors import InputError
 from sysid.blocks import Offset
 from sysid.data.record import IOData
-from sysid.estimation.free_run import autoregression
+from sysid.estimation.free_run import samples_alike
 from sysid.estimation.initial_state import filters_only, with_initial_states
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
@@ -223,8 +222,8 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
         return (_SLOW,) if float(by_maps @ by_maps) > 0.5 * len(e) else ()
     offset = float(left @ constant) / (share * len(e))
     rest = left - offset * constant
-    a = np.array(autoregression(rest, (len(rest),), float(np.std(record.y / unit))))
-    variance = float(np.var(lfilter([1.0, *-a], [1.0], rest))) / (1.0 - a.sum()) ** 2 / (share * len(e))
+    variance = float(np.var(rest)) * samples_alike(rest, constant[:, None], float(np.std(record.y / unit)))
+    variance /= float(constant @ constant)
     gain = 100.0 * (1.0 - float(rest @ rest) / float(left @ left))
     if not (gain > SMALL and offset**2 > chi2.isf(_FALSE_ALARMS, 1) * variance):
         return ()

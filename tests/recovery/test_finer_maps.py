@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 import sysid
 from sysid import IOData, Objective
 from sysid.blocks import PiecewiseLinear, TransferFunction
-from sysid.estimation.finer_maps import _Maps, samples_alike
+from sysid.estimation.finer_maps import _Maps
+from sysid.estimation.free_run import samples_alike
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.report.verdict import band_in_words
