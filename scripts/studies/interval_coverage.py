@@ -23,6 +23,7 @@ from sysid.base.poles import pairs
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.noise_model import NoiseModel
 from sysid.excitations import Aprbs
 from sysid.model.chain import Chain
 from sysid.structures.hammerstein import hammerstein
@@ -32,7 +33,6 @@ from sysid.structures.wiener import wiener
 from sysid.structures.wiener_hammerstein import wiener_hammerstein
 from sysid.uncertainty import bands, curves, intervals
 from sysid.uncertainty.information import Information, information, information_at
-from sysid.uncertainty.noise_model import NoiseModel
 
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
 KINDS = ("poles", "gain", "curves", "outputs")

@@ -16,7 +16,7 @@ from scipy.linalg import cholesky, solve_triangular
 from sysid.block.block import Block
 from sysid.blocks import PiecewiseLinear
 from sysid.data.record import IOData
-from sysid.estimation.free_run import samples_alike
+from sysid.estimation.noise_model import noise_model
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
@@ -190,6 +190,7 @@ def _fit_with_prior(
     n = int(problem.moving.sum())
     basis = np.zeros((problem.theta0.shape[1], len(problem.start)))
     basis[:, :n] = problem.chain.basis[:, problem.moving]
+    lengths = [record.N for record in problem.records]
     options = replace(context.options, max_iterations=min(_ITERATIONS, context.options.max_iterations))
     for _ in range(_ROUNDS):
         bare = problem.bare
@@ -199,10 +200,11 @@ def _fit_with_prior(
         lin = bare.compact(outcome.p)
         if lin is None:
             e, J = bare.linearise(outcome.p)
-            lin = Linearisation.of(e, J)
-            precisions.alike = max(precisions.alike, samples_alike(e, J[:, np.any(rows, axis=0)]))
+            noise = noise_model(e, J, lengths)
+            lin = Linearisation.of(noise.white(e, lengths), noise.white(J, lengths))
+            precisions.colour = noise.gain(J[:, np.any(rows, axis=0)], lengths)
         settled = precisions.update(lin, maps.rows @ theta, rows)
-        weight = np.sqrt(precisions.precision * precisions.noise * precisions.alike)
+        weight = np.sqrt(precisions.precision * precisions.noise * precisions.colour)
         candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
         end = context.iterate(candidate, outcome.p, options)
         if not np.isfinite(end.cost):
@@ -227,8 +229,7 @@ class _Precisions:
         self.groups, self.corners, self.rounds = maps.groups, corners, 0
         self.precision: np.ndarray = np.empty(0)
         self.weight: np.ndarray = np.empty(0)
-        self.noise = 0.0
-        self.alike = 1.0
+        self.noise, self.colour = 0.0, 1.0
 
     def begin(self, weight: np.ndarray) -> None:
         """From the weights (k,) of a fit that goes on, which are deviations of the noise by those of the prior."""
@@ -245,7 +246,7 @@ class _Precisions:
         self.rows, self.rounds = rows, self.rounds + 1
         if not len(self.precision):
             self.noise = lin.cost / lin.N
-            self.precision = self.weight**2 / self.noise
+            self.precision = self.weight**2 / (self.noise * self.colour)
             if not len(self.weight):
                 pieces = [np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups]
                 self.precision = np.concatenate(pieces)
@@ -254,7 +255,7 @@ class _Precisions:
         for _ in range(_UPDATES):
             delta, variance, count = self._posterior(lin, changes)
             e = lin.z - lin.R @ delta
-            self.noise = max((float(e @ e) + rest) / max(lin.N - self.alike * count, 1.0), 1e-30 * lin.cost)
+            self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
             square = (changes + self.rows @ delta) ** 2 + variance
             precision = np.concatenate([self._group(g, square[g], gaussian) for g in self.groups])
             step = float(np.max(np.abs(np.log(precision / self.precision))))
@@ -273,16 +274,15 @@ class _Precisions:
 
     def _posterior(self, lin: Linearisation, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
         """Mean (n,) of the step, variance (k,) of the changes of slope, and the effective number of parameters."""
-        noise = self.noise * self.alike
         weighted = self.rows * self.precision[:, None]
-        H = lin.R.T @ lin.R / noise + self.rows.T @ weighted
+        H = lin.R.T @ lin.R / self.noise + self.rows.T @ weighted
         scale = np.sqrt(np.diag(H))
         scale[scale == 0.0] = 1.0
         L = cholesky(H / np.outer(scale, scale) + _JITTER * np.eye(len(H)), lower=True)
         inverse = solve_triangular(L, np.diag(1.0 / scale), lower=True)  # its square is H's inverse
-        delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / noise - weighted.T @ changes))
+        delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / self.noise - weighted.T @ changes))
         variance = np.sum((inverse @ self.rows.T) ** 2, axis=0)
-        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / noise
+        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / self.noise
 
 
 def _square(changes: np.ndarray) -> float:

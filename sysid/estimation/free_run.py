@@ -162,19 +162,6 @@ def autoregression(v: np.ndarray, lengths: Sequence[int], size: float = 0.0) -> 
     return tuple(float(x) for x in best)
 
 
-def samples_alike(e: np.ndarray, J: np.ndarray, size: float = 0.0) -> float:
-    """How many samples of the errors e (N,) say what one would if they were white, for parameters of Jacobian J (N, P).
-
-    The variance of J'e under the autoregression of the errors, by that under white ones; `size` as in `autoregression`.
-    """
-    a = np.array(autoregression(e, (len(e),), size))
-    if not len(a) or not J.shape[1]:
-        return 1.0
-    shape = np.concatenate([[1.0], -a])
-    share = float(np.var(lfilter(shape, [1.0], e)) / np.var(e))
-    return max(1.0, share * float(np.sum(lfilter([1.0], shape, J[::-1], axis=0) ** 2) / np.sum(J**2)))
-
-
 def forecast(v: np.ndarray, a: Sequence[float], horizon: int, observed: np.ndarray | None = None) -> np.ndarray:
     """v(t | t-horizon) (N,): each residual from those up to `horizon` samples before it, none before the record.
 

@@ -8,8 +8,8 @@ from scipy.stats import chi2
 from sysid.base.errors import InputError
 from sysid.blocks import Offset
 from sysid.data.record import IOData
-from sysid.estimation.free_run import samples_alike
 from sysid.estimation.initial_state import filters_only, with_initial_states
+from sysid.estimation.noise_model import noise_model
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
@@ -222,8 +222,8 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
         return (_SLOW,) if float(by_maps @ by_maps) > 0.5 * len(e) else ()
     offset = float(left @ constant) / (share * len(e))
     rest = left - offset * constant
-    variance = float(np.var(rest)) * samples_alike(rest, constant[:, None], float(np.std(record.y / unit)))
-    variance /= float(constant @ constant)
+    noise = noise_model(rest, np.column_stack([J, constant]), (len(e),))
+    variance = float(noise.root(constant[:, None], (len(e),))[0, 0]) ** 2 / (share * len(e)) ** 2
     gain = 100.0 * (1.0 - float(rest @ rest) / float(left @ left))
     if not (gain > SMALL and offset**2 > chi2.isf(_FALSE_ALARMS, 1) * variance):
         return ()

@@ -15,10 +15,10 @@ from scipy.stats import norm
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.noise_model import noise_model
 from sysid.estimation.result import Fit
 from sysid.joint.holdout import holdout_folds, refit
 from sysid.uncertainty.information import Information, information
-from sysid.uncertainty.noise_model import noise_model
 
 # Independent directions of what a joint's model lacks: friction, linkage and backlash repeat their errors with every
 # movement, so their number does not grow with the record.

@@ -9,8 +9,8 @@ from sysid.base.errors import InputError
 from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import chance, residual_tests
+from sysid.estimation.noise_model import noise_model as autoregression
 from sysid.estimation.result import Fit
-from sysid.uncertainty.noise_model import noise_model as autoregression
 
 _LAGS, _LEVEL = 25, 0.99
 

@@ -20,9 +20,9 @@ from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.noise_model import NoiseModel, long_run_covariance_root, noise_model
 from sysid.model.chain import Chain
 from sysid.solver.covariance import cancels
-from sysid.uncertainty.noise_model import NoiseModel, long_run_covariance_root
 
 if TYPE_CHECKING:
     from sysid.estimation.result import Fit
@@ -173,8 +173,12 @@ def information_at(
         basis, redundant = free[:, ~at_bound], _gauge(chain, theta, free, at_bound)
         Jp, prior = J @ basis, np.empty((0, basis.shape[1]))
         moving = np.ones(basis.shape[1], dtype=bool)
+        colour = noise_model(e, Jp, data.lengths) if noise is None and lags == "auto" else noise
+        level = float(e @ e) / len(e)  # of the noise in the scores of the maps
         if smoothing is not None:
-            prior = _prior_rows(chain, smoothing, np.sqrt(float(e @ e) / len(e)) / beyond) @ basis
+            if colour is not None:
+                level = colour.variance * colour.gain(J[:, np.any(slope_changes(chain), axis=0)], data.lengths)
+            prior = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
             moving = ~held_scales(chain, theta)[chain.free][~at_bound]
         scale = _unit(Jp)
         prior = _limited(prior / scale)
@@ -190,10 +194,10 @@ def information_at(
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         root, bandwidth = np.sqrt(sigma2) * np.eye(V.shape[1]), None
         if noise is not None:
-            root = _with_prior(noise.root(seen, data.lengths), prior @ V, sigma2)
+            root = _with_prior(noise.root(seen, data.lengths), prior @ V, level)
         elif lags is not None:
-            root, bandwidth = long_run_covariance_root(e, seen, data.lengths, lags)
-            root = _with_prior(np.sqrt(mask.sum() / max(dof, 1.0)) * root, prior @ V, sigma2)
+            root, bandwidth = long_run_covariance_root(e, seen, data.lengths, lags, colour)
+            root = _with_prior(np.sqrt(mask.sum() / max(dof, 1.0)) * root, prior @ V, level)
         factor = weights @ V @ root
         null = np.delete(directions, np.flatnonzero(keep), axis=1)
         null_directions, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)

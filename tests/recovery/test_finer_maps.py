@@ -9,7 +9,7 @@ import sysid
 from sysid import IOData, Objective
 from sysid.blocks import PiecewiseLinear, TransferFunction
 from sysid.estimation.finer_maps import _Maps
-from sysid.estimation.free_run import samples_alike
+from sysid.estimation.noise_model import noise_model
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.report.verdict import band_in_words
@@ -257,13 +257,21 @@ def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_beh
 
 
 def test_errors_that_remember_count_as_fewer_samples():
-    """Against the closed form of errors e(t) = 0.8 e(t-1) + white: (1 + 0.8) / (1 - 0.8) for a mean."""
+    """Closed form of the gain of e(t) = 0.8 e(t-1) + w: 1 / (1 - 0.8)^2 for a mean, 1 / (1 + 0.8)^2 for alternation."""
     rng = np.random.default_rng(0)
     e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(20_000))
     slow, fast = np.ones((len(e), 1)), np.resize([1.0, -1.0], len(e))[:, None]
-    assert samples_alike(e, slow) == pytest.approx(9.0, rel=0.1)
-    assert samples_alike(e, fast) == 1.0  # no more than white errors
-    assert samples_alike(rng.standard_normal(20_000), slow) == pytest.approx(1.0, abs=0.1)
+    found = noise_model(e, slow, (len(e),))
+    assert found.gain(slow, (len(e),)) == pytest.approx(25.0, rel=0.2)
+    assert found.gain(fast, (len(e),)) == pytest.approx(1.0 / 1.8**2, rel=0.1)
+
+
+def test_a_basis_that_says_a_thing_twice_leaves_the_colour():
+    """A redundant column once made every autoregression fail, so that coloured residuals passed as white."""
+    rng = np.random.default_rng(0)
+    e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(2000))
+    J = rng.standard_normal((2000, 4)) @ rng.standard_normal((4, 6))
+    assert noise_model(e, J, (2000,)).A[1] == pytest.approx(-0.8, abs=0.05)
 
 
 @pytest.mark.parametrize("seed", often(12, 4))

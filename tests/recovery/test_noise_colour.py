@@ -6,10 +6,10 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 import sysid
+from sysid.estimation.noise_model import NoiseModel, long_run_covariance_root, noise_model
 from sysid.systems import system
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information_at
-from sysid.uncertainty.noise_model import NoiseModel, long_run_covariance_root, noise_model
 
 
 def colour(memory, N):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from sysid.uncertainty.noise_model import long_run_covariance_root
+from sysid.estimation.noise_model import long_run_covariance_root
 from twin.compare.search import Search, Trials, differences, stiffness
 
 LEVEL = 0.95

@@ -20,6 +20,7 @@ _LARGEST_ORDER = 8  # coefficients; noise of longer memory is a matter of the ba
 _LARGEST_PARTIAL = 0.995  # largest partial autocorrelation: beyond it noise is a drift
 _FORGOTTEN = 1e-6  # what is left of the noise's memory where it is cut
 _LARGEST_AUTOCORRELATION = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
+_DEPENDENT = 1e-9  # singular values of a Jacobian below this share of the largest are rounding
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,8 @@ class NoiseModel:
     variance: float
 
     def white(self, e: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
-        """w (N,) of each experiment in turn; the first p samples see fewer past ones."""
-        return np.concatenate([lfilter(self.A, [1.0], piece) for piece in _pieces(e, lengths)])
+        """w of e (N,) or (N, n), of each experiment in turn; the first p samples see fewer past ones."""
+        return np.concatenate([lfilter(self.A, [1.0], piece, axis=0) for piece in _pieces(e, lengths)])
 
     def gathered(self, V: np.ndarray, lengths: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """G (N, r) and G0 (M, r) with V'e = G'w + G0'w0 for V (N, r), w0 being the white noise before each experiment.
@@ -46,6 +47,10 @@ class NoiseModel:
             initial_rows.append(G[: self.memory])
         return np.concatenate(rows), np.concatenate(initial_rows)
 
+    def gain(self, V: np.ndarray, lengths: Sequence[int]) -> float:
+        """The variance of V'e by that of V'w, for V (N, r): how many samples of e say what one of w would."""
+        return sum(float(np.sum(rows**2)) for rows in self.gathered(V, lengths)) / float(np.sum(V**2))
+
     def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
         """R (r, r) with R R' the covariance of V'e."""
         R: np.ndarray = np.linalg.qr(np.concatenate(self.gathered(V, lengths)), mode="r")  # type: ignore[assignment]
@@ -58,12 +63,14 @@ class NoiseModel:
         return 0 if r == 0.0 else int(np.ceil(np.log(_FORGOTTEN) / np.log(min(r, 0.9995))))
 
 
-def noise_model(e: np.ndarray, V: np.ndarray, lengths: Sequence[int]) -> NoiseModel:
-    """The autoregression of residuals e (N,) of a fit whose Jacobian spans the orthonormal columns of V (N, r).
+def noise_model(e: np.ndarray, J: np.ndarray, lengths: Sequence[int]) -> NoiseModel:
+    """The autoregression of residuals e (N,) of a fit with the Jacobian J (N, n), whose columns may be dependent.
 
     The order is that of the least AIC (Akaike 1974), up to 8.
     """
-    highest_order = min(_LARGEST_ORDER, min(lengths) // 20)
+    U, s, _ = np.linalg.svd(J, full_matrices=False)
+    V = U[:, s > _DEPENDENT * s.max(initial=0.0)]
+    highest_order = min(_LARGEST_ORDER, min(*lengths, len(e) - V.shape[1]) // 20)
     likelihood = _RestrictedLikelihood(
         _gram(np.column_stack([e, V]), lengths, highest_order), sum(lengths), len(lengths)
     )
@@ -151,7 +158,7 @@ def _pieces(x: np.ndarray, lengths: Sequence[int]) -> list[np.ndarray]:
 
 
 def long_run_covariance_root(
-    e: np.ndarray, V: np.ndarray, lengths: Sequence[int], lags: int | str
+    e: np.ndarray, V: np.ndarray, lengths: Sequence[int], lags: int | str, noise: NoiseModel | None = None
 ) -> tuple[np.ndarray, int]:
     """Root R (r, r) with R R' = the covariance of V'e for residuals e (N,) and orthonormal V (N, r), and the lags used.
 
@@ -159,14 +166,16 @@ def long_run_covariance_root(
     whitens the residuals with an autoregression and gathers V accordingly, then takes Andrews' bandwidth for what
     is left (prewhitening: Andrews and Monahan 1992, Econometrica 60). The residuals are whitened instead of the scores
     because a few coefficients describe noise, and the scores of slow and of fast parameters have no common ones. The
-    window covers what the coefficients leave: noise that varies in size, and errors that depend on the input.
+    window covers what the coefficients leave: noise that varies in size, and errors that depend on the input. `noise`
+    is this autoregression where it is known.
     """
     if isinstance(lags, str):
         if lags != "auto":
             raise InputError(f"lags is {lags!r}; give 'auto', None or a whole number")
-        noise = noise_model(e, V, lengths)
+        noise = noise or noise_model(e, V, lengths)
         G, initial_scores = noise.gathered(V, lengths)
-        scores = noise.white(e, lengths)[:, None] * G
+        w = noise.white(e, lengths)
+        scores = w[:, None] * G
         m = _bandwidth(scores)
         rows = [_bartlett_root(scores, lengths, m).T, np.sqrt(noise.variance) * initial_scores]
         return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r")).T, m
