@@ -18,6 +18,7 @@ from sysid.base.errors import InputError
 
 _LARGEST_ORDER = 8  # coefficients; noise of longer memory is a matter of the bandwidth
 _LARGEST_PARTIAL = 0.995  # largest partial autocorrelation: beyond it noise is a drift
+_GRAIN = 256  # steps of the coefficients in 1: last digits of a search shall not decide; they are uncertain by N^-0.5
 _FORGOTTEN = 1e-6  # what is left of the noise's memory where it is cut
 _LARGEST_AUTOCORRELATION = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
 _DEPENDENT = 1e-9  # singular values of a Jacobian below this share of the largest are rounding
@@ -82,7 +83,7 @@ def noise_model(e: np.ndarray, J: np.ndarray, lengths: Sequence[int]) -> NoiseMo
             best, best_z = criterion, z
         elif p > len(best_z) + 1:  # two orders in turn brought nothing
             break
-    A = _coefficients(best_z)
+    A = _coefficients(np.round(best_z * _GRAIN) / _GRAIN)
     return NoiseModel(A, likelihood.left(A)[0] / max(sum(lengths) - V.shape[1], 1))
 
 
