@@ -77,7 +77,7 @@ def noise_model(e: np.ndarray, J: np.ndarray, lengths: Sequence[int]) -> NoiseMo
     )
     best, best_z, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
     for p in range(1, highest_order + 1):
-        z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-2, "maxiter": 30}).x
+        z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-4, "maxiter": 60}).x
         criterion = likelihood(z) + 2.0 * p
         if criterion < best:
             best, best_z = criterion, z
