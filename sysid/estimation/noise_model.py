@@ -18,7 +18,6 @@ from sysid.base.errors import InputError
 
 _LARGEST_ORDER = 8  # coefficients; noise of longer memory is a matter of the bandwidth
 _LARGEST_PARTIAL = 0.995  # largest partial autocorrelation: beyond it noise is a drift
-_GRAIN = 256  # steps of the coefficients in 1: last digits of a search shall not decide; they are uncertain by N^-0.5
 _FORGOTTEN = 1e-6  # what is left of the noise's memory where it is cut
 _LARGEST_AUTOCORRELATION = 0.97  # an autocorrelation above this is a drift, for which no bandwidth is sufficient
 _DEPENDENT = 1e-9  # singular values of a Jacobian below this share of the largest are rounding
@@ -75,15 +74,15 @@ def noise_model(e: np.ndarray, J: np.ndarray, lengths: Sequence[int]) -> NoiseMo
     likelihood = _RestrictedLikelihood(
         _gram(np.column_stack([e, V]), lengths, highest_order), sum(lengths), len(lengths)
     )
-    best, best_z, z = likelihood(np.zeros(0)), np.zeros(0), np.zeros(0)
+    best, best_z, z = likelihood(np.zeros(0))[0], np.zeros(0), np.zeros(0)
     for p in range(1, highest_order + 1):
-        z = minimize(likelihood, np.append(z, 0.0), method="BFGS", options={"gtol": 1e-4, "maxiter": 60}).x
-        criterion = likelihood(z) + 2.0 * p
+        z = minimize(likelihood, np.append(z, 0.0), jac=True, method="BFGS", options={"gtol": 1e-6}).x
+        criterion = likelihood(z)[0] + 2.0 * p
         if criterion < best:
             best, best_z = criterion, z
         elif p > len(best_z) + 1:  # two orders in turn brought nothing
             break
-    A = _coefficients(np.round(best_z * _GRAIN) / _GRAIN)
+    A = _coefficients(best_z)[0]
     return NoiseModel(A, likelihood.left(A)[0] / max(sum(lengths) - V.shape[1], 1))
 
 
@@ -98,39 +97,55 @@ class _RestrictedLikelihood:
     n: int
     records: int
 
-    def __call__(self, z: np.ndarray) -> float:
-        rest, logdet = self.left(_coefficients(z))
+    def __call__(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Its value and its gradient (p,) at z (p,), from which `_coefficients` makes the autoregression."""
+        A, dA = _coefficients(z)
+        rest, logdet, by_rest, by_logdet = self.left(A)
         if not rest > 0.0:
-            return 1e9
+            return 1e9, np.zeros(len(z))
         free = self.n - self.gram.shape[2] + 1
-        noise = -np.sum(
-            np.arange(1, len(z) + 1) * np.log1p(-((_LARGEST_PARTIAL * np.tanh(z)) ** 2))
-        )  # log det of its matrix
-        return free * float(np.log(rest)) + logdet + self.records * float(noise)
+        order, partial = np.arange(1, len(z) + 1), _LARGEST_PARTIAL * np.tanh(z)
+        noise = -np.sum(order * np.log1p(-(partial**2)))  # log det of the noise's matrix
+        by_noise = 2.0 * order * partial * _slope(z) / (1.0 - partial**2)
+        value = free * float(np.log(rest)) + logdet + self.records * float(noise)
+        return value, (free / rest * by_rest + by_logdet) @ dA + self.records * by_noise
 
-    def left(self, A: np.ndarray) -> tuple[float, float]:
-        """e'S^-1 e without what V explains, and log det V'S^-1 V, for noise of variance 1 with the matrix S."""
+    def left(self, A: np.ndarray) -> tuple[float, float, np.ndarray, np.ndarray]:
+        """e'S^-1 e without what V explains, log det V'S^-1 V, and the gradients (p + 1,) of both by A.
+
+        S is the matrix of noise of variance 1.
+        """
         k = len(A)
-        G = np.einsum("i,ijab,j->ab", A, self.gram[:k, :k], A)
-        if len(G) == 1:
-            return float(G[0, 0]), 0.0
+        half = np.einsum("ijab,j->iab", self.gram[:k, :k], A)
+        G = np.einsum("i,iab->ab", A, half)
+        dG = half + half.transpose(0, 2, 1)
         try:
             L = np.linalg.cholesky(G[1:, 1:])
         except np.linalg.LinAlgError:
-            return 0.0, 0.0
-        projection = np.linalg.solve(L, G[1:, 0])
-        return float(G[0, 0] - projection @ projection), 2.0 * float(np.log(np.diag(L)).sum())
+            return 0.0, 0.0, np.zeros(k), np.zeros(k)
+        inverse = np.linalg.inv(L)
+        contrast = np.append(1.0, -inverse.T @ (inverse @ G[1:, 0]))  # e without what V explains, of [e, V]
+        by_logdet = np.einsum("iab,ca,cb->i", dG[:, 1:, 1:], inverse, inverse, optimize=True)
+        logdet = 2.0 * float(np.log(np.diag(L)).sum())
+        return float(contrast @ G @ contrast), logdet, contrast @ dG @ contrast, by_logdet
 
 
-def _coefficients(z: np.ndarray) -> np.ndarray:
-    """A (p + 1,) from z (p,), the inverse hyperbolic tangents of the partial autocorrelations: always stationary.
+def _slope(z: np.ndarray) -> np.ndarray:
+    return _LARGEST_PARTIAL * (1.0 - np.tanh(z) ** 2)
 
-    The Levinson-Durbin recursion; Barndorff-Nielsen and Schou 1973, J. Multivariate Analysis 3.
+
+def _coefficients(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A (p + 1,) of z (p,), the inverse hyperbolic tangents of the partial autocorrelations, and dA/dz (p + 1, p).
+
+    The Levinson-Durbin recursion: A is always stationary (Barndorff-Nielsen and Schou 1973, J. Multivariate
+    Analysis 3).
     """
-    A = np.ones(1)
-    for r in _LARGEST_PARTIAL * np.tanh(z):
-        A = np.append(A, 0.0) - r * np.append(0.0, A[::-1])
-    return A
+    A, dA = np.ones(1), np.zeros((1, 0))
+    for r, slope in zip(_LARGEST_PARTIAL * np.tanh(z), _slope(z), strict=True):
+        turned, zero = np.append(0.0, A[::-1]), np.zeros((1, dA.shape[1]))
+        dA = np.column_stack([np.vstack([dA, zero]) - r * np.vstack([zero, dA[::-1]]), -slope * turned])
+        A = np.append(A, 0.0) - r * turned
+    return A, dA
 
 
 def _gram(x: np.ndarray, lengths: Sequence[int], highest_order: int) -> np.ndarray:
