@@ -201,10 +201,10 @@ def _fit_with_prior(
         if lin is None:
             e, J = bare.linearise(outcome.p)
             noise = noise_model(e, J, lengths)
-            lin = Linearisation.of(noise.white(e, lengths), noise.white(J, lengths))
-            precisions.colour = noise.gain(J[:, np.any(rows, axis=0)], lengths)
+            lin = Linearisation.of(e, J)
+            precisions.level = noise.variance * noise.gain(J[:, np.any(rows, axis=0)], lengths)
         settled = precisions.update(lin, maps.rows @ theta, rows)
-        weight = np.sqrt(precisions.precision * precisions.noise * precisions.colour)
+        weight = np.sqrt(precisions.precision * precisions.noise)
         candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
         end = context.iterate(candidate, outcome.p, options)
         if not np.isfinite(end.cost):
@@ -229,7 +229,7 @@ class _Precisions:
         self.groups, self.corners, self.rounds = maps.groups, corners, 0
         self.precision: np.ndarray = np.empty(0)
         self.weight: np.ndarray = np.empty(0)
-        self.noise, self.colour = 0.0, 1.0
+        self.noise, self.level = 0.0, 0.0
 
     def begin(self, weight: np.ndarray) -> None:
         """From the weights (k,) of a fit that goes on, which are deviations of the noise by those of the prior."""
@@ -245,17 +245,19 @@ class _Precisions:
         gaussian = self.corners and self.rounds == 0
         self.rows, self.rounds = rows, self.rounds + 1
         if not len(self.precision):
-            self.noise = lin.cost / lin.N
-            self.precision = self.weight**2 / (self.noise * self.colour)
+            self.noise = self.level or lin.cost / lin.N
+            self.precision = self.weight**2 / self.noise
             if not len(self.weight):
                 pieces = [np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups]
                 self.precision = np.concatenate(pieces)
         before = np.append(self.precision, self.noise)
         rest = lin.cost - float(lin.z @ lin.z)
+        self.noise = self.level or self.noise
         for _ in range(_UPDATES):
             delta, variance, count = self._posterior(lin, changes)
             e = lin.z - lin.R @ delta
-            self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
+            if not self.level:
+                self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
             square = (changes + self.rows @ delta) ** 2 + variance
             precision = np.concatenate([self._group(g, square[g], gaussian) for g in self.groups])
             step = float(np.max(np.abs(np.log(precision / self.precision))))

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import minimize, root
 from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
@@ -74,21 +74,35 @@ def noise_model(e: np.ndarray, J: np.ndarray, lengths: Sequence[int]) -> NoiseMo
     likelihood = _RestrictedLikelihood(
         _gram(np.column_stack([e, V]), lengths, highest_order), sum(lengths), len(lengths)
     )
-    best, best_z, z = likelihood(np.zeros(0))[0], np.zeros(0), np.zeros(0)
+    n = sum(lengths)
+    best, best_r, r = likelihood(np.zeros(0))[0], np.zeros(0), np.zeros(0)
     for p in range(1, highest_order + 1):
-        z = minimize(likelihood, np.append(z, 0.0), jac=True, method="BFGS", options={"gtol": 1e-6}).x
-        criterion = likelihood(z)[0] + 2.0 * p
+        limits = [(-_LARGEST_PARTIAL, _LARGEST_PARTIAL)] * p
+        end = minimize(likelihood, np.append(r, 0.0), jac=True, bounds=limits, options={"ftol": 0.0, "gtol": 1e-6})
+        r, criterion = end.x, end.fun + 2.0 * p / n
         if criterion < best:
-            best, best_z = criterion, z
-        elif p > len(best_z) + 1:  # two orders in turn brought nothing
+            best, best_r = criterion, r
+        elif p > len(best_r) + 1:  # two orders in turn brought nothing
             break
-    A = _coefficients(best_z)[0]
+    A = _coefficients(_polished(likelihood, best_r))[0]
     return NoiseModel(A, likelihood.left(A)[0] / max(sum(lengths) - V.shape[1], 1))
+
+
+def _polished(likelihood: "_RestrictedLikelihood", r: np.ndarray) -> np.ndarray:
+    """r (p,) where the gradient is zero: the values round off long before, and their last digits would decide."""
+    free = np.abs(r) < _LARGEST_PARTIAL
+
+    def full(values: np.ndarray) -> np.ndarray:
+        out = r.copy()
+        out[free] = np.clip(values, -_LARGEST_PARTIAL, _LARGEST_PARTIAL)
+        return out
+
+    return full(root(lambda values: likelihood(full(values))[1][free], r[free], tol=1e-14).x) if free.any() else r
 
 
 @dataclass(frozen=True)
 class _RestrictedLikelihood:
-    """-2 log of the restricted likelihood of an autoregression of n samples in `records` experiments.
+    """-2/n log of the restricted likelihood of an autoregression of n samples in `records` experiments.
 
     The variance is at its best. gram (p + 1, p + 1, c, c) is that of `_gram`.
     """
@@ -97,18 +111,19 @@ class _RestrictedLikelihood:
     n: int
     records: int
 
-    def __call__(self, z: np.ndarray) -> tuple[float, np.ndarray]:
-        """Its value and its gradient (p,) at z (p,), from which `_coefficients` makes the autoregression."""
-        A, dA = _coefficients(z)
+    def __call__(self, r: np.ndarray) -> tuple[float, np.ndarray]:
+        """Its value and its gradient (p,) at the partial autocorrelations r (p,)."""
+        A, dA = _coefficients(r)
         rest, logdet, by_rest, by_logdet = self.left(A)
         if not rest > 0.0:
-            return 1e9, np.zeros(len(z))
+            return 1e9, np.zeros(len(r))
         free = self.n - self.gram.shape[2] + 1
-        order, partial = np.arange(1, len(z) + 1), _LARGEST_PARTIAL * np.tanh(z)
-        noise = -np.sum(order * np.log1p(-(partial**2)))  # log det of the noise's matrix
-        by_noise = 2.0 * order * partial * _slope(z) / (1.0 - partial**2)
+        order = np.arange(1, len(r) + 1)
+        noise = -np.sum(order * np.log1p(-(r**2)))  # log det of the noise's matrix
+        by_noise = 2.0 * order * r / (1.0 - r**2)
         value = free * float(np.log(rest)) + logdet + self.records * float(noise)
-        return value, (free / rest * by_rest + by_logdet) @ dA + self.records * by_noise
+        gradient = (free / rest * by_rest + by_logdet) @ dA + self.records * by_noise
+        return value / self.n, gradient / self.n
 
     def left(self, A: np.ndarray) -> tuple[float, float, np.ndarray, np.ndarray]:
         """e'S^-1 e without what V explains, log det V'S^-1 V, and the gradients (p + 1,) of both by A.
@@ -116,8 +131,8 @@ class _RestrictedLikelihood:
         S is the matrix of noise of variance 1.
         """
         k = len(A)
-        half = np.einsum("ijab,j->iab", self.gram[:k, :k], A)
-        G = np.einsum("i,iab->ab", A, half)
+        half = np.tensordot(A, self.gram[:k, :k], 1)
+        G = np.tensordot(A, half, 1)
         dG = half + half.transpose(0, 2, 1)
         try:
             L = np.linalg.cholesky(G[1:, 1:])
@@ -125,25 +140,20 @@ class _RestrictedLikelihood:
             return 0.0, 0.0, np.zeros(k), np.zeros(k)
         inverse = np.linalg.inv(L)
         contrast = np.append(1.0, -inverse.T @ (inverse @ G[1:, 0]))  # e without what V explains, of [e, V]
-        by_logdet = np.einsum("iab,ca,cb->i", dG[:, 1:, 1:], inverse, inverse, optimize=True)
+        by_logdet = np.tensordot(dG[:, 1:, 1:], inverse.T @ inverse, 2)
         logdet = 2.0 * float(np.log(np.diag(L)).sum())
         return float(contrast @ G @ contrast), logdet, contrast @ dG @ contrast, by_logdet
 
 
-def _slope(z: np.ndarray) -> np.ndarray:
-    return _LARGEST_PARTIAL * (1.0 - np.tanh(z) ** 2)
+def _coefficients(partial: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A (p + 1,) of partial autocorrelations (p,), and dA/dr (p + 1, p): stationary where they are between -1 and 1.
 
-
-def _coefficients(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A (p + 1,) of z (p,), the inverse hyperbolic tangents of the partial autocorrelations, and dA/dz (p + 1, p).
-
-    The Levinson-Durbin recursion: A is always stationary (Barndorff-Nielsen and Schou 1973, J. Multivariate
-    Analysis 3).
+    The Levinson-Durbin recursion; Barndorff-Nielsen and Schou 1973, J. Multivariate Analysis 3.
     """
     A, dA = np.ones(1), np.zeros((1, 0))
-    for r, slope in zip(_LARGEST_PARTIAL * np.tanh(z), _slope(z), strict=True):
+    for r in partial:
         turned, zero = np.append(0.0, A[::-1]), np.zeros((1, dA.shape[1]))
-        dA = np.column_stack([np.vstack([dA, zero]) - r * np.vstack([zero, dA[::-1]]), -slope * turned])
+        dA = np.column_stack([np.vstack([dA, zero]) - r * np.vstack([zero, dA[::-1]]), -turned])
         A = np.append(A, 0.0) - r * turned
     return A, dA
 
