@@ -3,11 +3,14 @@
 A map of few free break points cannot follow a smooth curve, and one of many follows the noise. Here every change of
 slope k_i has a Cauchy distribution of one width tau for a map: k_i ~ N(0, 1 / l_i), l_i ~ Gamma(1 / 2, tau^2 / 2). Most
 changes are then almost zero and a few are as large as the record wants: a saturation keeps its two corners, and a
-smooth curve bends a little everywhere. Widths and noise are those of the largest marginal likelihood, by expectation
-and maximisation around the linearised model (Tipping 2001, Journal of Machine Learning Research 1, for the precisions;
-MacKay 1992, Neural Computation 4, for the noise).
+smooth curve bends a little everywhere. Widths are those of the largest marginal likelihood, by expectation and
+maximisation around the linearised model (Tipping 2001, Journal of Machine Learning Research 1). The likelihood takes
+the errors for white, at the level that gives the parameters of the maps the variance that the errors' own colour gives
+them (Chandler and Bate 2007, Biometrika 94): slow errors, and those of a model that lacks something, say less than as
+many white ones.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +34,7 @@ _STEADY = 0.02  # largest change of a log precision in an update that ends them
 _SETTLED = 0.1  # the same between two rounds
 _UNSETTLED = 2  # rounds before that counts
 _NARROWEST = 1e-9  # tau^2, by the square of the range of the map's slopes
+_NOISELESS = 1e-30  # the least noise, by the mean square of the errors
 _JITTER = 1e-11  # of a diagonal of ones: directions that neither the record nor the prior holds
 
 
@@ -200,9 +204,11 @@ def _fit_with_prior(
         lin = bare.compact(outcome.p)
         if lin is None:
             e, J = bare.linearise(outcome.p)
-            noise = noise_model(e, J, lengths)
             lin = Linearisation.of(e, J)
-            precisions.level = noise.variance * noise.gain(J[:, np.any(rows, axis=0)], lengths)
+            if precisions.rounds <= _UNSETTLED:
+                precisions.noise = _level(e, J, rows, lengths)
+        elif precisions.rounds <= _UNSETTLED:
+            precisions.noise = (lin.cost - float(lin.z @ lin.z)) / lin.N
         settled = precisions.update(lin, maps.rows @ theta, rows)
         weight = np.sqrt(precisions.precision * precisions.noise)
         candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
@@ -221,15 +227,21 @@ def _fit_with_prior(
     return replace(result, problem=problem, outcome=outcome)
 
 
+def _level(e: np.ndarray, J: np.ndarray, rows: np.ndarray, lengths: Sequence[int]) -> float:
+    """The variance of white noise that moves the parameters of the maps as far as the noise in e (N,) does."""
+    noise = noise_model(e, J, lengths)
+    return noise.variance * noise.gain(J[:, np.any(rows, axis=0)], lengths)
+
+
 class _Precisions:
-    """Precisions (k,) of the changes of slope and the variance of the noise, by expectation and maximisation."""
+    """Precisions (k,) of the changes of slope for noise of the variance `noise`, by expectation and maximisation."""
 
     def __init__(self, maps: _Maps, corners: bool) -> None:
         """`corners` where the maps have those of an earlier search."""
         self.groups, self.corners, self.rounds = maps.groups, corners, 0
         self.precision: np.ndarray = np.empty(0)
         self.weight: np.ndarray = np.empty(0)
-        self.noise, self.level = 0.0, 0.0
+        self.noise = 0.0
 
     def begin(self, weight: np.ndarray) -> None:
         """From the weights (k,) of a fit that goes on, which are deviations of the noise by those of the prior."""
@@ -244,27 +256,22 @@ class _Precisions:
         """
         gaussian = self.corners and self.rounds == 0
         self.rows, self.rounds = rows, self.rounds + 1
+        self.noise = max(self.noise, _NOISELESS * lin.cost / lin.N)
         if not len(self.precision):
-            self.noise = self.level or lin.cost / lin.N
             self.precision = self.weight**2 / self.noise
             if not len(self.weight):
                 pieces = [np.full(g.stop - g.start, 1.0 / _square(changes[g])) for g in self.groups]
                 self.precision = np.concatenate(pieces)
-        before = np.append(self.precision, self.noise)
-        rest = lin.cost - float(lin.z @ lin.z)
-        self.noise = self.level or self.noise
+        before = self.precision
         for _ in range(_UPDATES):
-            delta, variance, count = self._posterior(lin, changes)
-            e = lin.z - lin.R @ delta
-            if not self.level:
-                self.noise = max((float(e @ e) + rest) / max(lin.N - count, 1.0), 1e-30 * lin.cost)
+            delta, variance = self._posterior(lin, changes)
             square = (changes + self.rows @ delta) ** 2 + variance
             precision = np.concatenate([self._group(g, square[g], gaussian) for g in self.groups])
             step = float(np.max(np.abs(np.log(precision / self.precision))))
             self.precision = precision
             if step < _STEADY:
                 break
-        change = np.max(np.abs(np.log(np.append(self.precision, self.noise) / before)))
+        change = np.max(np.abs(np.log(self.precision / before)))
         return bool(self.rounds > _UNSETTLED and change < _SETTLED)
 
     def _group(self, group: slice, square: np.ndarray, gaussian: bool) -> np.ndarray:
@@ -274,8 +281,8 @@ class _Precisions:
         tau2 = max(len(square) / float(np.sum(self.precision[group])), _NARROWEST)  # the maximum given the precisions
         return np.asarray(2.0 / (tau2 + square))
 
-    def _posterior(self, lin: Linearisation, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-        """Mean (n,) of the step, variance (k,) of the changes of slope, and the effective number of parameters."""
+    def _posterior(self, lin: Linearisation, changes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (n,) of the step, and variance (k,) of the changes of slope."""
         weighted = self.rows * self.precision[:, None]
         H = lin.R.T @ lin.R / self.noise + self.rows.T @ weighted
         scale = np.sqrt(np.diag(H))
@@ -284,7 +291,7 @@ class _Precisions:
         inverse = solve_triangular(L, np.diag(1.0 / scale), lower=True)  # its square is H's inverse
         delta = inverse.T @ (inverse @ (lin.R.T @ lin.z / self.noise - weighted.T @ changes))
         variance = np.sum((inverse @ self.rows.T) ** 2, axis=0)
-        return delta, variance, float(np.sum((inverse @ lin.R.T) ** 2)) / self.noise
+        return delta, variance
 
 
 def _square(changes: np.ndarray) -> float:

@@ -80,7 +80,7 @@ def test_an_operating_point_is_chosen_where_the_tangent_is_flat(data):
     held = sysid.fit(model, data, search="lm", starts=1)
     with pytest.raises(sysid.InputError, match=r"fit\.plot\(data, \"bode\", at=u\)"):
         held.plot(data, "bode", at=0.5)
-    lines = [held.plot(data, "bode", at=u).axes[0].lines[0].get_ydata() for u in (-0.5, -0.2)]
+    lines = [held.plot(data, "bode", at=u).axes[0].lines[0].get_ydata() for u in (-0.2, -0.1)]
     assert all(np.isfinite(line).all() for line in lines)
     assert not np.allclose(*lines)  # the output map has another slope there
     steps = [held.plot(data, "step", at=u).axes[0].lines[0].get_ydata()[-1] for u in (-0.5, 0.5)]
