@@ -12,7 +12,9 @@ from sysid.base.criteria import fit_percent
 from sysid.base.poles import match
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts import starts
+from sysid.solver.linearisation import Linearisation
 from sysid.solver.searches import TABLE as SEARCHES
+from sysid.solver.searches.trust_region import TrustRegion
 from sysid.systems import TABLE, system
 
 
@@ -140,3 +142,18 @@ def test_equal_seeds_give_equal_numbers_at_any_thread_count(monkeypatch):
     np.testing.assert_array_equal(first.theta, second.theta)
     # Another seed draws other candidates.
     assert not np.array_equal(sysid.fit(chain, data, seed=5).theta, first.theta)
+
+
+@pytest.mark.parametrize(("share", "factor"), [(0.1, 0.25), (0.5, None), (0.9, 2.5)])
+def test_the_trust_region_follows_how_much_of_the_predicted_decrease_a_step_reaches(share, factor):
+    """Nocedal and Wright, Numerical Optimization (2nd ed. 2006), algorithm 4.1; a step inside the region keeps it."""
+    rng = np.random.default_rng(3)
+    lin, memory = Linearisation.of(rng.normal(size=40), rng.normal(size=(40, 4))), {"radius": 0.05}
+
+    def attempt(step):
+        return lin.cost - share * lin.predicted(step), step
+
+    delta = TrustRegion().step(lin, attempt, memory, sysid.Options()).delta
+    length = np.linalg.norm(lin.scaled(delta))
+    assert length == pytest.approx(0.05, rel=1e-4)
+    assert memory["radius"] == pytest.approx(0.05 if factor is None else factor * length)
