@@ -10,7 +10,6 @@ them (Chandler and Bate 2007, Biometrika 94): slow errors, and those of a model 
 many white ones.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -206,7 +205,7 @@ def _fit_with_prior(
             e, J = bare.linearise(outcome.p)
             lin = Linearisation.of(e, J)
             if precisions.rounds <= _UNSETTLED:
-                precisions.noise = _level(e, J, rows, lengths)
+                precisions.noise = noise_model(e, J, lengths).level(J[:, np.any(rows, axis=0)], lengths)
         elif precisions.rounds <= _UNSETTLED:
             precisions.noise = (lin.cost - float(lin.z @ lin.z)) / lin.N
         settled = precisions.update(lin, maps.rows @ theta, rows)
@@ -225,12 +224,6 @@ def _fit_with_prior(
         weight = problem.prior.weight
         problem = replace(problem, prior=Prior(maps.rows, np.zeros(len(weight)), weight, chosen=True), scratch={})
     return replace(result, problem=problem, outcome=outcome)
-
-
-def _level(e: np.ndarray, J: np.ndarray, rows: np.ndarray, lengths: Sequence[int]) -> float:
-    """The variance of white noise that moves the parameters of the maps as far as the noise in e (N,) does."""
-    noise = noise_model(e, J, lengths)
-    return noise.variance * noise.gain(J[:, np.any(rows, axis=0)], lengths)
 
 
 class _Precisions:

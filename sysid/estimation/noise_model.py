@@ -47,9 +47,10 @@ class NoiseModel:
             initial_rows.append(G[: self.memory])
         return np.concatenate(rows), np.concatenate(initial_rows)
 
-    def gain(self, V: np.ndarray, lengths: Sequence[int]) -> float:
-        """The variance of V'e by that of V'w, for V (N, r): how many samples of e say what one of w would."""
-        return sum(float(np.sum(rows**2)) for rows in self.gathered(V, lengths)) / float(np.sum(V**2))
+    def level(self, V: np.ndarray, lengths: Sequence[int]) -> float:
+        """The variance of white noise that gives V'e of V (N, r) the variance that this noise gives it."""
+        size = sum(float(np.sum(rows**2)) for rows in self.gathered(V, lengths))
+        return self.variance * size / float(np.sum(V**2))
 
     def root(self, V: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
         """R (r, r) with R R' the covariance of V'e."""

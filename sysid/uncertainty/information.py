@@ -177,7 +177,7 @@ def information_at(
         level = float(e @ e) / len(e)  # of the noise in the scores of the maps
         if smoothing is not None:
             if colour is not None:
-                level = colour.variance * colour.gain(J[:, np.any(slope_changes(chain), axis=0)], data.lengths)
+                level = colour.level(J[:, np.any(slope_changes(chain), axis=0)], data.lengths)
             prior = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
             moving = ~held_scales(chain, theta)[chain.free][~at_bound]
         scale = _unit(Jp)

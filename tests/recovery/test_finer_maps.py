@@ -256,24 +256,6 @@ def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_beh
     np.testing.assert_allclose(prior.rows @ (theta - scaled), 0.0, atol=1e-12)
 
 
-def test_errors_that_remember_count_as_fewer_samples():
-    """Closed form of the gain of e(t) = 0.8 e(t-1) + w: 1 / (1 - 0.8)^2 for a mean, 1 / (1 + 0.8)^2 for alternation."""
-    rng = np.random.default_rng(0)
-    e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(20_000))
-    slow, fast = np.ones((len(e), 1)), np.resize([1.0, -1.0], len(e))[:, None]
-    found = noise_model(e, slow, (len(e),))
-    assert found.gain(slow, (len(e),)) == pytest.approx(25.0, rel=0.2)
-    assert found.gain(fast, (len(e),)) == pytest.approx(1.0 / 1.8**2, rel=0.1)
-
-
-def test_a_basis_that_says_a_thing_twice_leaves_the_colour():
-    """A redundant column once made every autoregression fail, so that coloured residuals passed as white."""
-    rng = np.random.default_rng(0)
-    e = lfilter([1.0], [1.0, -0.8], rng.standard_normal(2000))
-    J = rng.standard_normal((2000, 4)) @ rng.standard_normal((4, 6))
-    assert noise_model(e, J, (2000,)).A[1] == pytest.approx(-0.8, abs=0.05)
-
-
 @pytest.mark.parametrize("seed", often(12, 4))
 def test_maps_do_not_follow_noise_that_remembers(seed):
     """Noise that remembers five samples has slow waves, which 50 places could follow: d was 32 to 42."""

@@ -78,6 +78,26 @@ def test_the_memory_of_the_noise_is_found_behind_a_fit_that_follows_it(memory):
         assert np.mean(own) < 0.75
 
 
+@pytest.mark.parametrize("memory", [0.0, 0.6, -0.6])
+def test_the_level_of_noise_behind_a_fit_of_many_parameters(memory):
+    """White noise of this variance would move a slow and a fast column as far as the noise's own matrix says.
+
+    Four experiments of 50 samples, 30 parameters; columns that say the same thing again change nothing.
+    """
+    lengths, rng = (50,) * 4, np.random.default_rng(2)
+    J = np.concatenate([slow_columns(50, 20)] * 4)
+    J = np.column_stack([J, rng.standard_normal((200, 10))])
+    twice, V = np.column_stack([J, J @ rng.standard_normal((30, 30))]), np.linalg.qr(J)[0]
+    for column in (J[:, [1]], np.resize([1.0, -1.0], 200)[:, None]):
+        pieces = np.split(column, 4)
+        expected = sum(float((v.T @ colour(memory, 50) @ v)[0, 0]) for v in pieces) / float(np.sum(column**2))
+        levels = [
+            noise_model(x - V @ (V.T @ x), twice, lengths).level(column, lengths)
+            for x in noises(memory, 50, 240).reshape(60, 200)
+        ]
+        assert np.mean(levels) == pytest.approx(expected, rel=0.05)
+
+
 @pytest.mark.parametrize("memory", [0.0, 0.5, 0.8, 0.9])
 def test_long_run_covariance_covers_as_the_noise_itself_would(memory):
     """Coefficients of eight slow columns from 1000 samples: 1.96 deviations hold within 3 % as many of 480 values as
