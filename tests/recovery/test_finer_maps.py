@@ -9,7 +9,6 @@ import sysid
 from sysid import IOData, Objective
 from sysid.blocks import PiecewiseLinear, TransferFunction
 from sysid.estimation.finer_maps import _Maps
-from sysid.estimation.noise_model import noise_model
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.report.verdict import band_in_words
@@ -268,3 +267,13 @@ def test_maps_do_not_follow_noise_that_remembers(seed):
     error = (fit.simulate(IOData(unseen, truth, 1.0)) - truth)[100:]
     assert fit.criteria.d < 20
     assert np.sqrt(np.mean(error**2)) < 0.4 * deviation
+
+
+def test_a_record_that_is_taken_in_pieces_has_the_same_maps(monkeypatch):
+    data, _ = record(_cubic, 900, 0.05, 21)
+    whole = sysid.fit(wiener(1, 2, 1), data)
+    monkeypatch.setattr("sysid.estimation.problem.LONG", 500)
+    pieces = sysid.fit(wiener(1, 2, 1), data)
+    assert pieces.criteria.d == pytest.approx(whole.criteria.d, abs=1)
+    gap = pieces.simulate(data) - whole.simulate(data)
+    assert np.std(gap) < 0.001
