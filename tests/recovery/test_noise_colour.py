@@ -6,7 +6,13 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
 import sysid
-from sysid.estimation.noise_model import NoiseModel, long_run_covariance_root, noise_model
+from sysid.estimation.noise_model import (
+    NoiseModel,
+    _gram,
+    _RestrictedLikelihood,
+    long_run_covariance_root,
+    noise_model,
+)
 from sysid.systems import system
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import information_at
@@ -76,6 +82,15 @@ def test_the_memory_of_the_noise_is_found_behind_a_fit_that_follows_it(memory):
     assert np.mean(found) == pytest.approx(memory, abs=0.035)
     if memory == 0.8:
         assert np.mean(own) < 0.75
+
+
+def test_the_gradient_of_the_restricted_likelihood_is_that_of_its_value():
+    rng = np.random.default_rng(4)
+    likelihood = _RestrictedLikelihood(_gram(rng.standard_normal((90, 6)), (40, 30, 20), 4), 90, 3)
+    for p in (1, 2, 4):
+        r = rng.uniform(-0.9, 0.9, p)
+        slope = [(likelihood(r + h)[0] - likelihood(r - h)[0]) / 2e-6 for h in 1e-6 * np.eye(p)]
+        np.testing.assert_allclose(likelihood(r)[1], slope, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.6, -0.6])
