@@ -41,10 +41,17 @@ def noise(rng, N):
     return np.clip(1.5 * lfilter([0.5], [1.0, -0.86], rng.standard_normal(N)), -2.0, 2.0)
 
 
-def departure(fit, curve, deviation, seed=77):
-    """Mean square of the free run's distance from the noise-free output, by the noise variance, on another input."""
+def departure(fit, curve, deviation, seed=77, within=None):
+    """Mean square of the free run's distance from the noise-free output, by the noise variance, on another input.
+
+    `within` a record: only where the curve's input stays in the range that this record has.
+    """
     data, y = record(curve, 3000, 0.0, seed, last=noise)
-    return float(np.mean((fit.simulate(data)[100:] - y[100:]) ** 2)) / deviation**2
+    x, known = through(data.u[:, 0]), (-np.inf, np.inf)
+    if within is not None:
+        known = np.quantile(through(within.u[:, 0]), (0.0, 1.0))
+    counts = (x >= known[0]) & (x <= known[1]) & (np.arange(len(y)) >= 100)
+    return float(np.mean((fit.simulate(data) - y)[counts] ** 2)) / deviation**2
 
 
 def test_changes_of_slope_are_those_of_the_curve():
@@ -85,7 +92,8 @@ def test_a_smooth_curve_is_followed_where_ten_break_points_cannot(seed):
     deviation = 1e-3
     data, _ = record(_cubic, 1500, deviation, seed)
     coarse, fine = (sysid.fit(wiener(1, 2, 1), data, objective=o) for o in (PLAIN, None))
-    assert departure(fine, _cubic, deviation) < min(10.0, 0.02 * departure(coarse, _cubic, deviation))
+    missed, left = (departure(fit, _cubic, deviation, within=data) for fit in (coarse, fine))
+    assert left < min(10.0, 0.02 * missed)
     np.testing.assert_allclose(np.sort(fine.poles), np.sort(np.roots([1.0, -1.2, 0.56])), atol=2e-3)
 
 
@@ -96,11 +104,12 @@ def test_a_corner_stays_a_corner(seed):
     data, _ = record(_saturation, 1500, deviation, seed)
     fine = sysid.fit(wiener(1, 2, 1), data)
     assert departure(fine, _saturation, deviation) < 0.05
-    block, theta = fine.model.blocks[-1], fine.model.part(fine.theta, fine.model.blocks[-1])
-    slopes = np.diff(theta) / np.diff(block.at)
-    flat = np.abs(slopes) < 0.05 * np.abs(slopes).max()
-    assert flat[0]
-    assert flat[-1]
+    block = fine.model.blocks[-1]
+    slope = np.diff(np.eye(len(block.at)), axis=0) / np.diff(block.at)[:, None]
+    slope = slope @ np.eye(len(fine.theta))[fine.model.index(block)]
+    info = information(fine, data)
+    for row in slope[[0, -1]]:  # the ends are flat, as far as the record can tell
+        assert abs(row @ fine.theta) < 3.0 * np.sqrt(row @ info.cov[np.ix_(info.own, info.own)] @ row)
 
 
 def test_without_a_curve_hardly_any_parameter_is_spent_on_one():
@@ -181,7 +190,7 @@ def test_intervals_are_those_of_the_posterior(seed):
     np.testing.assert_allclose(np.sqrt(np.diag(info.cov)[info.own][f]), fit.covariance.std()[f], rtol=0.1)
     assert not info.unexcited.shape[1]
     # The count is a whole number, at the noise of the search; the report's is at the noise of the residuals.
-    assert abs(data.N - info.dof - fit.criteria.d) < 0.05 * fit.criteria.d
+    assert abs(data.N - info.dof - fit.criteria.d) < 0.5 + 0.05 * fit.criteria.d
 
 
 def test_the_band_of_a_free_run_holds_new_measurements_inside_and_beyond_the_range_of_the_record():
