@@ -45,19 +45,20 @@ class _Maps:
     groups: tuple[slice, ...]
     places: tuple[int, ...]  # of each map in the chain
 
-    def prior(self, problem: ChainProblem, theta: np.ndarray) -> Prior:
-        """The prior around theta (P,) with weights of 1, which the scale of a map before a filter does not change.
+    def prior(self, problem: ChainProblem, thetas: np.ndarray) -> Prior:
+        """The prior around thetas (E, P) with weights of 1, which the scale of a map before a filter does not change.
 
-        The filter behind undoes that scale. Changes of slope count by the deviation of the map's output, so that a
-        smaller scale is not a smoother map.
+        The filter behind undoes that scale. Changes of slope count by the deviation of the map's output over all
+        experiments, so that a smaller scale is not a smoother map.
         """
-        chain, rows = problem.chain, self.rows.copy()
+        chain, rows, theta = problem.chain, self.rows.copy(), thetas[0]
         changes = rows @ theta
-        inner = chain.signals(theta, problem.records[0].u)
+        inner = [chain.signals(each, record.u) for each, record in zip(thetas, problem.records, strict=True)]
         for k, group in zip(self.places, self.groups, strict=True):
             if k == len(chain.blocks) - 1:
                 continue
-            block, part, x = chain.blocks[k], chain.index(chain.blocks[k]), inner[k]
+            block, part = chain.blocks[k], chain.index(chain.blocks[k])
+            x = np.concatenate([signals[k] for signals in inner])
             f = block.output(theta[part], x)
             f = f - f.mean()
             if np.any(f):  # one hat at a time: all of a long record would not stay in memory
@@ -197,8 +198,8 @@ def _fit_with_prior(
     options = replace(context.options, max_iterations=min(_ITERATIONS, context.options.max_iterations))
     for _ in range(_ROUNDS):
         bare = problem.bare
-        theta = problem.thetas(outcome.p)[0]
-        prior = maps.prior(problem, theta)
+        thetas = problem.thetas(outcome.p)
+        prior = maps.prior(problem, thetas)
         rows = prior.rows @ basis
         lin = bare.compact(outcome.p)
         if lin is None:
@@ -208,7 +209,7 @@ def _fit_with_prior(
                 precisions.noise = noise_model(e, J, lengths).level(J[:, np.any(rows, axis=0)], lengths)
         elif precisions.rounds <= _UNSETTLED:
             precisions.noise = (lin.cost - float(lin.z @ lin.z)) / lin.N
-        settled = precisions.update(lin, maps.rows @ theta, rows)
+        settled = precisions.update(lin, maps.rows @ thetas[0], rows)
         weight = np.sqrt(precisions.precision * precisions.noise)
         candidate = replace(problem, prior=replace(prior, weight=weight), scratch={})
         end = context.iterate(candidate, outcome.p, options)

@@ -244,16 +244,17 @@ def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_beh
     linear = TransferFunction(2, 1, 1, role="linear")
     chain = Chain((block, linear))
     theta = np.concatenate([rng.normal(size=8), [1.0, 0.5, -0.7], np.zeros(2)])
-    data = IOData(rng.uniform(-1.2, 1.2, 300), np.ones(300), 1.0)
+    u = rng.uniform(-1.2, 1.2, 300)
     rows = np.zeros((6, len(theta)))
     rows[:, :8] = block.slope_changes()
-    problem = ChainProblem.least_squares(chain, theta, data.u, data.y)
-    prior = _Maps(rows, (slice(0, 6),), (0,)).prior(problem, theta)
+    experiments = tuple(IOData(part, np.ones(len(part)), 1.0) for part in (np.sort(u)[:200], np.sort(u)[200:]))
+    problem = ChainProblem(chain, np.tile(theta, (2, 1)), experiments, chain.free)
+    prior = _Maps(rows, (slice(0, 6),), (0,)).prior(problem, problem.theta0)
 
     def relative(theta):
-        return -rows @ theta / np.std(chain.signals(theta, data.u)[1])
+        return -rows @ theta / np.std(chain.signals(theta, u)[1])
 
-    unit = np.std(chain.signals(theta, data.u)[1])
+    unit = np.std(chain.signals(theta, u)[1])
     np.testing.assert_allclose(prior.errors(theta), unit * relative(theta), atol=1e-12)
     for i in range(len(theta)):
         h = 1e-6 * np.eye(len(theta))[i]
