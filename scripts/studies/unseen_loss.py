@@ -7,6 +7,7 @@ the others extrapolate, which no record settles. "bands" are the shares of measu
 95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %.
 
     python scripts/study.py unseen_loss --seeds 0:25 --figure loss.png
+    python scripts/study.py unseen_loss --seeds 0:25 --memory 0.8    # coloured noise
 """
 
 import argparse
@@ -15,6 +16,7 @@ import zlib
 from pathlib import Path
 
 import numpy as np
+from scipy.signal import lfilter
 from study import Row, Study
 
 from sysid.base.errors import InputError
@@ -37,7 +39,12 @@ LEVELS = (0.5, 0.95)
 OBJECTIVES = {"knots 0": Objective(knots=0), "default": Objective()}
 
 
-def draw_record(structure: str, seed: int) -> tuple[Plant, IOData, float, dict[str, np.ndarray], str]:
+def draw_noise(rng: np.random.Generator, N: int, memory: float) -> np.ndarray:
+    """Noise (N,) of variance 1: v(t) = memory v(t-1) + e(t)."""
+    return np.asarray(lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(N)))
+
+
+def draw_record(structure: str, seed: int, memory: float) -> tuple[Plant, IOData, float, dict[str, np.ndarray], str]:
     """A plant, its record, the deviation of the noise, inputs of its own and of another kind, and what was drawn."""
     rng = np.random.default_rng([seed, zlib.crc32(structure.encode()), 33])
     N, kind = int(np.exp(rng.uniform(np.log(200), np.log(4000)))), str(rng.choice(INPUTS))
@@ -47,7 +54,7 @@ def draw_record(structure: str, seed: int) -> tuple[Plant, IOData, float, dict[s
         plant = scale_gains(draw_chain(structure, N, rng), u)
     y, snr = plant.run(u), rng.uniform(10.0, 60.0)
     size = float(y.std()) * 10 ** (-snr / 20)
-    data = IOData(u, y + size * rng.standard_normal(N), 1.0)
+    data = IOData(u, y + size * draw_noise(rng, N, memory), 1.0)
     other = str(rng.choice([k for k in INPUTS if k != kind]))
     unseen = {"same kind": excitation(kind, N_UNSEEN, rng), "another kind": excitation(other, N_UNSEEN, rng)}
     return plant, data, size, unseen, f"{plant.given}; {kind}, then {other}; N {N}, {snr:.0f} dB"
@@ -69,12 +76,12 @@ def loss(y: np.ndarray, yhat: np.ndarray, noise: np.ndarray) -> float:
 def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     """Losses of every objective on both kinds of unseen input."""
     structure, seed = case
-    plant, data, size, unseen, given = draw_record(structure, seed)
+    plant, data, size, unseen, given = draw_record(structure, seed, options.memory)
     nb, nf, nk = plant.orders
     model = TABLE[structure](nb=nb, nf=nf, nk=nk).model()
     row: Row = {"structure": structure, "seed": seed, "given": given}
     row["outside"] = {kind: outside(plant, data.u[:, 0], u) for kind, u in unseen.items()}
-    noise = size * np.random.default_rng(seed).standard_normal(N_UNSEEN)
+    noise = size * draw_noise(np.random.default_rng(seed), N_UNSEEN, options.memory)
     for name, objective in OBJECTIVES.items():
         start = time.process_time()
         try:
@@ -160,6 +167,7 @@ STUDY = Study(
     seeds="0:10",
     options={
         "--structures": {"nargs": "+", "default": [name for name in CHAINS if name != "output_error"]},
+        "--memory": {"type": float, "default": 0.0, "help": "of the noise: correlation of neighbouring samples"},
         "--worst": {"type": int, "default": 3},
         "--figure": {"type": Path, "help": "draw the losses"},
     },
