@@ -128,7 +128,9 @@ def slope_changes(chain: Chain) -> np.ndarray:
 
 def smoothing(chain: Chain, prior: Prior | None) -> np.ndarray | None:
     """The weights (k,) that a chosen prior gives the changes of slope of the chain; None without such a prior."""
-    return None if prior is None or not prior.chosen else _weights_of(slope_changes(chain), prior)
+    if prior is None or not prior.chosen or not has_finer_maps(chain):
+        return None
+    return _weights_of(slope_changes(chain), prior)
 
 
 def _weights_of(rows: np.ndarray, prior: Prior) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.estimation.prior import Prior
 
 _FEWEST = 12  # knots: fewer than the search itself uses
 _SMALLEST = 1e-100  # threshold: errors divided by less overflow
@@ -25,7 +26,8 @@ class Objective:
     determine the map. A segment with only a few noisy samples, and the extrapolation beyond it, keep nearly the slope
     of the neighbour. knots: break points that a piecewise linear map without a number of its own ends with, at fixed
     places, with a prior on its changes of slope whose width the record chooses (`sysid.estimation.finer_maps`); 0 keeps
-    the 10 free ones of the search, as MATLAB does, and so does a ridge.
+    the 10 free ones of the search, as MATLAB does, and so does a ridge. prior: what is known of the parameters of the
+    model beside the record, instead of a ridge; a fit with one needs a `start`.
     """
 
     huber_threshold: float | None = None
@@ -34,6 +36,7 @@ class Objective:
     weights: tuple[float, ...] = ()
     curvature_weight: float = 1.0
     knots: int = 50
+    prior: Prior | None = None
 
     def __post_init__(self) -> None:
         if self.huber_threshold is not None and not _SMALLEST <= self.huber_threshold < np.inf:

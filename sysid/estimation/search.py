@@ -86,9 +86,9 @@ class SearchContext:
 
 
 def _ridge(model: Chain, objective: Objective) -> Prior | None:
-    """The distance of the parameters to their nominal values; None without a ridge."""
+    """The objective's prior, or the distance of the parameters to their nominal values; None without either."""
     if not objective.ridge:
-        return None
+        return objective.prior
     for name in objective.nominal:
         if name not in model.names:
             raise unknown("parameter", name, model.names)

@@ -20,7 +20,7 @@ from sysid.solver.iterate import Options
 
 _PLAYS_TRIED = 3  # of the plays that promise most, how many are tried
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show such a load
-_SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
+SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 # Of the speed that friction in motion takes, which friction at rest keeps at the least. What falls within a part of a
 # sample makes derivatives that grow without limit, and no record shows it.
 _CREEP = 0.02
@@ -98,7 +98,7 @@ def _with_friction(fit: Fit, data: IOData, options: tuple[str, ...]) -> Candidat
         return None
     motor_options: dict[str, Any] = dict.fromkeys(options, True)
     if "stribeck" in options:
-        motor_options["substeps"] = max(motor.substeps, _SUBSTEPS)
+        motor_options["substeps"] = max(motor.substeps, SUBSTEPS)
     richer = replace(motor, **motor_options)
     fixed_values = dict(chain.fixed)
     if "loss" in options and fixed_values.get(f"{motor.role}.load0") == 0.0:

@@ -12,7 +12,7 @@ from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import shake_theta, trade_lag_for_delay
-from sysid.estimation.objective import Objective
+from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.joint.holdout import HoldoutErrors, holdout_errors, is_harmful
@@ -107,9 +107,16 @@ def search_from(
         return None
 
 
-def best_points(chain: Chain, points: np.ndarray, data: IOData, iterations: int, finalists: int) -> np.ndarray:
+def best_points(
+    chain: Chain,
+    points: np.ndarray,
+    data: IOData,
+    iterations: int,
+    finalists: int,
+    objective: Objective = LEAST_SQUARES,
+) -> np.ndarray:
     """The best of these points (K, P) after a few iterations at each, the best first."""
-    context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
+    context = SearchContext(chain, data, objective, "lm", Options(max_iterations=iterations).begun(), None)
     problems = set_curvature_weight(context, [context.problem(with_initial_states(chain, p, data)) for p in points])
     outcomes = [context.iterate(problem, problem.start, context.options) for problem in problems]
     order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]

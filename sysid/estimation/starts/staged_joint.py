@@ -4,7 +4,7 @@ The cost over friction curves and backlash has many local minima. The right one 
 already fits.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -27,6 +27,7 @@ _DRAGS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # widths a sample^2
 _PULL = 8.0  # widths a sample^2 at half the range from where the link hangs
 _HANGS = np.linspace(0.1, 0.9, 9)  # of the range of y
 _HOLDS = (0.0, 0.1, 0.25, 0.45, 0.8)  # of half the range about there, within which the drag holds the link
+Links = Callable[[float, float], Iterator[tuple[float, ...]]]  # parameters of backlashes between two ends
 
 
 class StagedJoint(Start):
@@ -59,11 +60,14 @@ def _best(chain: Chain, points: list[np.ndarray], data: IOData) -> np.ndarray:
     return search_best(problems, _STEPS, points[0])[0]
 
 
-def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
+def play_starts(
+    chain: Chain, middle: Chain, theta: np.ndarray, data: IOData, links: Links | None = None
+) -> list[dict[str, float]]:
     """Parameters of the backlash by name, ordered by the expected reduction of the cost of `middle` at theta.
 
-    `middle` is the chain without the backlash. The output change of the backlash is compared with the residuals after
-    projection on the model's sensitivities; the share of the change that fits best gives the width.
+    `middle` is the chain without the backlash; `links` gives the backlashes between two ends that are tried. The output
+    change of the backlash is compared with the residuals after projection on the model's sensitivities; the share of
+    the change that fits best gives the width.
     """
     play = next(b for b in chain.blocks if isinstance(b, Play | CoastingPlay))
     k = chain.blocks.index(play)
@@ -77,7 +81,8 @@ def play_starts(chain: Chain, middle: Chain, theta: np.ndarray, data: IOData) ->
     plain = [middle.through(row, x, k, None) for (row, _), x in zip(runs, inputs, strict=True)]
     low, high = min(x.min() for x in inputs), max(x.max() for x in inputs)
     rows = []
-    for part in _links(low, high) if isinstance(play, CoastingPlay) else _widths(high - low):
+    links = links or (_links if isinstance(play, CoastingPlay) else _widths)
+    for part in links(low, high):
         changes = []
         for (row, r), x, y in zip(runs, inputs, plain, strict=True):
             z = play.output(np.array(part), x)
@@ -98,10 +103,10 @@ def _best_share(change: np.ndarray, residuals: np.ndarray, Q: np.ndarray) -> tup
     return float(np.sum((residuals - share * change) ** 2)), share
 
 
-def _widths(reach: float) -> Iterator[tuple[float, ...]]:
+def _widths(low: float, high: float) -> Iterator[tuple[float, ...]]:
     """width, rest of plays."""
     for share in (0.4, 1.0, 3.0):
-        yield share * _WIDTH * reach, 0.0
+        yield share * _WIDTH * (high - low), 0.0
 
 
 def _links(low: float, high: float) -> Iterator[tuple[float, ...]]:
