@@ -44,6 +44,7 @@ from .estimation.fit_from import fit_from as fit_from
 from .estimation.objective import Objective as Objective
 from .estimation.result import Fit as Fit
 from .joint.growth import grow_joint as grow_joint
+from .joint.posterior import joint_posterior as joint_posterior
 from .joint.values import joint_values as joint_values
 from .model.chain import Chain as Chain
 from .fitting import fit as fit

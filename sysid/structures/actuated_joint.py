@@ -73,6 +73,7 @@ _ENDED = {
 }
 _LOADED = {"polynomial": "", "periodic": " and a periodic load", "spring": " and a spring", "none": " and no load"}
 LOADS = tuple(_LOADED)
+PARTS = ("grown", "all")
 
 
 @checked
@@ -99,7 +100,9 @@ class ActuatedJoint(Recipe):
     load: "polynomial" over the stroke, "periodic" over the angle (a pendulum that turns over; `period` is a turn, by
     default 360 of a record in degrees and 2 pi of another), "spring" or "none". stops: those that it begins with. A
     joint with both stops and no periodic load has a linkage between motor and joint; of the others the angle is
-    proportional to the motor's. compliance: "on" for a link on a spring. driver_step [V]: interval between the driver's
+    proportional to the motor's. compliance: "on" for a link on a spring. parts: "grown" adds parts while they help
+    (`sysid.grow_joint`); "all" takes all of them, near usual values where the record does not show them, for a model to
+    predict with (`sysid.joint_posterior`). driver_step [V]: interval between the driver's
     levels; sensor_linearity [unit of the output]: largest deviation of the sensor from a straight line; data sheets
     give both numbers.
     """
@@ -121,6 +124,7 @@ class ActuatedJoint(Recipe):
     load: str = choice("polynomial", "load of an actuated joint", LOADS)
     stops: str = choice("both", "end stops that an actuated joint begins with", tuple(STOPS))
     compliance: str = choice("off", "a spring between an actuated joint's drive and its link", ("off", "on"))
+    parts: str = choice("grown", "parts of an actuated joint: added while they help, or all with usual values", PARTS)
     period: float | None = number(None, "a turn of an actuated joint with a periodic load [2 pi rad]", unit="Y")
 
     def __post_init__(self) -> None:
@@ -131,7 +135,7 @@ class ActuatedJoint(Recipe):
         super().__post_init__()
 
     def model(self) -> Chain:
-        for name, value in (("load", LOADS), ("stops", tuple(STOPS)), ("compliance", ("off", "on"))):
+        for name, value in (("load", LOADS), ("stops", tuple(STOPS)), ("compliance", ("off", "on")), ("parts", PARTS)):
             if getattr(self, name) not in value:
                 raise unknown(f"{name} of a joint", getattr(self, name), value)
         return actuated_joint(

@@ -18,6 +18,7 @@ from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import joint_posterior
 from sysid.joint.values import joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
@@ -37,6 +38,10 @@ from sysid.workflow.setting import Setting
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
+_ALL_PARTS = (
+    "the joint has all parts, near usual values where the record does not show them: use it to predict; its parts and "
+    "values are no evidence, for which leave --parts all out"
+)
 _FAR = 20  # samples over which the prediction of a model that integrates is judged
 _DIVERGED = -1000.0  # [%] of fit, below which a number says no more than that the run has left the data
 Progress = Callable[[str], None] | None
@@ -49,6 +54,12 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     recipe = setting.recipe
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
+    if recipe.grown and start is None and getattr(recipe, "parts", "") == "all":
+        if setting.seconds < np.inf:
+            raise InputError("--seconds does not limit a joint with all parts, which takes seconds; leave it out")
+        fit = joint_posterior(estimation, model, **options)
+        result = evaluate_fit(setting, fit, estimation, validation, physical=False)
+        return replace(result, notes=(*result.notes, _ALL_PARTS))
     if recipe.grown and start is None:
         growth = grow_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)
         missing = setting.held.missing_in(growth.fit.model)

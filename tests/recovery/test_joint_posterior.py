@@ -1,0 +1,119 @@
+"""The most likely joint with all parts: priors against other units, a closed form, and joints written down here."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from often import often
+
+import sysid
+from sysid.base.errors import InputError
+from sysid.blocks import CoastingPlay, Motor, Polynomial
+from sysid.data.record import IOData
+from sysid.estimation.prior import Prior
+from sysid.excitations import Aprbs, Sweep
+from sysid.joint.posterior import full_joint, joint_posterior
+from sysid.joint.prior import joint_prior
+from sysid.joint.sampling import theta_at_rate
+from sysid.model.chain import Chain
+from sysid.structures import actuated_joint
+
+TS, N, NOISE = 0.1, 1000, np.deg2rad(0.2)
+TRUE = {
+    **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.2, "motor.delay": 0.3},
+    **{"motor.load1": 0.7, "motor.load2": -0.4, "motor.upper": 1.0, "motor.x0": 0.45},
+    **{"motor.stick": 0.5, "motor.stick_down": 0.5, "motor.stick_speed": 0.001, "motor.loss": 0.3, "motor.load0": 0.3},
+    **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.015, "play.drag": 0.1, "play.pull1": 0.5},
+    **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
+}
+FULL_JOINT = full_joint(actuated_joint(play=False))
+
+
+def theta_of(chain, values):
+    return np.array([values.get(name, 0.0) for name in chain.names])
+
+
+def record(excitation, seed, noise=NOISE):
+    rng = np.random.default_rng([seed, 29])
+    u = excitation.generate(N, TS, rng)
+    y = FULL_JOINT.simulate(theta_of(FULL_JOINT, TRUE), u)
+    return IOData(u, y + noise * rng.standard_normal(N), TS, u_unit="V", y_unit="rad")
+
+
+def sweep(seed):
+    return record(Sweep(12.0, 7.0, jitter=0.4, shrink=0.4), seed)
+
+
+def test_a_prior_among_the_errors_gives_the_closed_form():
+    """A polynomial is linear in its coefficients: (A'A + W'W)^-1 (A'y + W'W t), and the deviations of the posterior."""
+    rng, chain = np.random.default_rng(1), Chain((Polynomial(3, role="input"),))
+    u = rng.uniform(-1.0, 1.0, 60)
+    A = np.column_stack([chain.simulate(row, u) for row in np.eye(4)])
+    y = A @ np.array([0.1, 1.0, -0.5, 0.2]) + 0.1 * rng.standard_normal(60)
+    target, weight = np.array([0.3, -0.2, 0.5, 1.0]), np.array([0.1, 2.0, 5.0, 9.0])
+    prior = Prior(np.eye(4), target, weight, chosen=True)
+    fit = sysid.fit(chain, IOData(u, y), start=np.zeros((1, 4)), objective=sysid.Objective(prior=prior))
+    H = A.T @ A + np.diag(weight**2)
+    std = np.sqrt(fit.covariance.noise_variance * np.diag(np.linalg.inv(H)))
+    np.testing.assert_allclose(fit.covariance.std(), std, rtol=1e-4)
+    expected = np.linalg.solve(H, A.T @ y + weight**2 * target)
+    assert np.all(np.abs(fit.theta - expected) < 2e-3 * std)  # a search rounds to a thousandth of a deviation
+
+
+@pytest.mark.parametrize(
+    "plain", [actuated_joint(play=False), actuated_joint(motor=Motor(load=2), knots=None, play=False)]
+)
+def test_the_prior_of_a_joint_does_not_depend_on_units(plain):
+    """In degrees and at half the sampling time the errors of the prior are the same, at any theta."""
+    chain, rng = full_joint(plain), np.random.default_rng(3)
+    at = theta_of(chain, TRUE | {"motor.gain": 0.002, "motor.lower": -0.9, "motor.upper": 0.5})
+    theta = np.clip(at * np.exp(0.3 * rng.standard_normal(len(at))), *chain.limits)
+    u = rng.uniform(-9.0, 12.0, 200)
+    data = IOData(u, 0.5 * np.sin(np.arange(200.0)), TS)
+    errors = joint_prior(chain, at, data, 0.01).errors(theta)
+    assert len(errors) > 12
+    faster = replace(data, Ts=TS / 2)
+    rated = [theta_at_rate(chain, each, 2.0) for each in (at, theta)]
+    np.testing.assert_allclose(joint_prior(chain, rated[0], faster, 0.01).errors(rated[1]), errors, rtol=1e-9)
+    turned = replace(data, y=np.degrees(data.y))
+    degrees = [each * _to_degrees(chain) for each in (at, theta)]
+    found = joint_prior(chain, degrees[0], turned, np.degrees(0.01)).errors(degrees[1])
+    np.testing.assert_allclose(found, np.degrees(errors), rtol=1e-9)
+
+
+def _to_degrees(chain):
+    mapped = "map.low" in chain.names
+    powers = {"map.low": 1, "map.high": 1, "play.width": 1, "play.drag": 1, "play.pull0": 1}
+    if not mapped:  # the motor's position is the angle
+        powers |= {"motor.gain": 1, "motor.stick_speed": 1, "motor.jam": -1, "motor.load1": -1, "motor.x0": 1}
+        powers |= {"motor.v0": 1, "motor.lower": 1, "motor.upper": 1}
+    return np.array([np.degrees(1.0) ** powers.get(name, 0) for name in chain.names])
+
+
+def test_a_full_joint_has_every_part():
+    motor = next(block for block in FULL_JOINT.blocks if isinstance(block, Motor))
+    assert (motor.stribeck, motor.sided, motor.loss, motor.jams) == (True,) * 4
+    assert isinstance(FULL_JOINT.blocks[-1], CoastingPlay)
+    assert "motor.load0" not in FULL_JOINT.fixed
+    spring = full_joint(actuated_joint(play=False, compliance=True, knots=None, motor=Motor(load=2, stops=False)))
+    assert not any(isinstance(block, CoastingPlay) for block in spring.blocks)
+    with pytest.raises(InputError, match="begins with a plain actuated_joint"):
+        joint_posterior(sweep(0), FULL_JOINT)
+
+
+@pytest.mark.parametrize("seed", often(8, 2))
+def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
+    """Values that a sweep shows are found; what it does not show stays usual, and the free run on levels drawn is near.
+
+    Of 12 seeds the free run is at most 0.27 degrees off; that of the grown joint up to 1.2 degrees, and more on all 12.
+    """
+    fit = joint_posterior(sweep(seed), seed=seed)
+    values = dict(zip(fit.model.names, fit.theta, strict=True))
+    moving = [values["motor.gain"], values["map.low"], values["map.high"]]
+    np.testing.assert_allclose(moving, [0.0019, -0.9, 0.4], rtol=0.03)
+    friction = 0.5 * (values["motor.rise"] + values["motor.fall"])
+    assert friction == pytest.approx(2.05, rel=0.1)
+    assert 0.0 < values["motor.stick"] < 0.6 * friction
+    unseen = record(Aprbs(12.0), 500 + seed, 0.0)
+    error = np.degrees(fit.simulate(unseen) - unseen.y[:, 0])[100:]
+    assert np.sqrt(np.mean(error**2)) < 0.5
