@@ -1,5 +1,6 @@
 """The most likely joint with all parts: priors against other units, a closed form, and joints written down here."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from sysid.joint.prior import joint_prior
 from sysid.joint.sampling import theta_at_rate
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
+from twin.cli import main
 
 TS, N, NOISE = 0.1, 1000, np.deg2rad(0.2)
 TRUE = {
@@ -117,3 +119,17 @@ def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
     unseen = record(Aprbs(12.0), 500 + seed, 0.0)
     error = np.degrees(fit.simulate(unseen) - unseen.y[:, 0])[100:]
     assert np.sqrt(np.mean(error**2)) < 0.5
+
+
+def test_the_command_says_that_its_parts_are_no_evidence(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    data = sweep(3)
+    rows = np.column_stack([TS * np.arange(N), data.u, data.y])
+    np.savetxt(log, rows, delimiter=",", header="time_s,voltage_V,angle_rad", comments="")
+    words = ["identify", str(log), "--structure", "actuated_joint", "--parts", "all", "--out", str(tmp_path / "out")]
+    assert main([*words, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["fit_percent"]["validation"] > 98.0
+    assert any("are no evidence" in note for note in summary["notes"])
+    assert main([*words, "--seconds", "5"]) != 0
+    assert "leave it out" in capsys.readouterr().err
