@@ -12,11 +12,10 @@ import argparse
 import time
 
 import numpy as np
-from drawn_joints import DURATION, TS, leg, records
+from drawn_joints import DURATION, TS, below_ceiling, leg, records
 from study import Row, Study, words
 
 import twin
-from sysid.base.criteria import fit_percent
 from sysid.joint.growth import grow_joint
 from sysid.joint.posterior import joint_posterior
 from sysid.structures import actuated_joint
@@ -43,8 +42,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         fit = way(data, actuated_joint(play=False, driver_step=drive(p, joint).step), seed)
         row[name] = {"seconds": time.process_time() - start}
         for kind, log in zip(KINDS, (fresh, other), strict=True):
-            ceiling = fit_percent(log.y[fit.n_init :], log.y_true[fit.n_init :])
-            row[name][kind] = ceiling - fit.fit_percent(log.io())
+            row[name][kind] = below_ceiling(fit, log)
     return row
 
 

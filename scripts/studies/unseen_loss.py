@@ -16,12 +16,11 @@ import zlib
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import lfilter
 from study import Row, Study
 
 from sysid.base.errors import InputError
 from sysid.bench.drawing.plants import CHAINS, Plant, draw_chain, scale_gains
-from sysid.bench.drawing.signals import INPUTS, excitation
+from sysid.bench.drawing.signals import INPUTS, coloured, excitation
 from sysid.block.block import StaticBlock
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -39,11 +38,6 @@ LEVELS = (0.5, 0.95)
 OBJECTIVES = {"knots 0": Objective(knots=0), "default": Objective()}
 
 
-def draw_noise(rng: np.random.Generator, N: int, memory: float) -> np.ndarray:
-    """Noise (N,) of variance 1: v(t) = memory v(t-1) + e(t)."""
-    return np.asarray(lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], rng.standard_normal(N)))
-
-
 def draw_record(structure: str, seed: int, memory: float) -> tuple[Plant, IOData, float, dict[str, np.ndarray], str]:
     """A plant, its record, the deviation of the noise, inputs of its own and of another kind, and what was drawn."""
     rng = np.random.default_rng([seed, zlib.crc32(structure.encode()), 33])
@@ -54,7 +48,7 @@ def draw_record(structure: str, seed: int, memory: float) -> tuple[Plant, IOData
         plant = scale_gains(draw_chain(structure, N, rng), u)
     y, snr = plant.run(u), rng.uniform(10.0, 60.0)
     size = float(y.std()) * 10 ** (-snr / 20)
-    data = IOData(u, y + size * draw_noise(rng, N, memory), 1.0)
+    data = IOData(u, y + size * coloured(N, memory, rng), 1.0)
     other = str(rng.choice([k for k in INPUTS if k != kind]))
     unseen = {"same kind": excitation(kind, N_UNSEEN, rng), "another kind": excitation(other, N_UNSEEN, rng)}
     return plant, data, size, unseen, f"{plant.given}; {kind}, then {other}; N {N}, {snr:.0f} dB"
@@ -81,7 +75,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     model = TABLE[structure](nb=nb, nf=nf, nk=nk).model()
     row: Row = {"structure": structure, "seed": seed, "given": given}
     row["outside"] = {kind: outside(plant, data.u[:, 0], u) for kind, u in unseen.items()}
-    noise = size * draw_noise(np.random.default_rng(seed), N_UNSEEN, options.memory)
+    noise = size * coloured(N_UNSEEN, options.memory, np.random.default_rng(seed))
     for name, objective in OBJECTIVES.items():
         start = time.process_time()
         try:

@@ -33,7 +33,7 @@ from sysid.structures import actuated_joint
 _POINTS, _LEADERS, _GLANCE = 24, 4, 6  # starts with parts, of which some go on after a few iterations
 _LEVELS = 2  # times that the level of the noise is taken anew
 _SHAKES = 12  # places near the optimum that are tried
-_DATA_LEVEL = 3.0  # times the residuals of the plain joint: the level that the first search begins with
+_FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
 _WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
 _HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
@@ -59,18 +59,20 @@ def joint_posterior(
         plain_fit = fit_chain(chain.scaled(data.u, data.y), data, search="lm", starts=starts, seed=seed)
         rng = np.random.default_rng([seed, len(plain_fit.theta)])
         full = full_joint(plain_fit.model)
-        prior = partial(joint_prior, full, lift_theta(plain_fit.model, plain_fit.theta, full, {}), data)
+        units = units_of(plain_fit.model, plain_fit.theta, data)
         search = partial(fit_chain, full, data, search="lm", progress=progress)
-        level = _DATA_LEVEL * float(np.sqrt(plain_fit.criteria.mse))
-        points = np.array(list(_starting_points(plain_fit, full, data, rng)))
+        level = _FIRST_LEVEL * float(np.sqrt(plain_fit.criteria.mse))
+        points = np.array(list(_starting_points(plain_fit, full, usual_values(full, units), data, rng)))
         for _ in range(_LEVELS):
-            objective = Objective(curvature_weight=0.0, prior=prior(level))
+            objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
             leaders = best_points(full, points, data, _GLANCE, _LEADERS, objective)
             fit = search(start=leaders, objective=objective)
             level = _level(fit, data)
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
             points = np.array([fit.theta, *shaken])
-        return search(start=fit.theta[None], objective=Objective(curvature_weight=0.0, prior=prior(level)))
+        return search(
+            start=fit.theta[None], objective=Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
+        )
 
 
 def full_joint(plain: Chain) -> Chain:
@@ -84,9 +86,10 @@ def full_joint(plain: Chain) -> Chain:
     return sub(replace(plain, fixed=fixed), tuple(blocks))
 
 
-def _starting_points(plain: Fit, full: Chain, data: IOData, rng: np.random.Generator) -> Iterator[np.ndarray]:
-    """The plain joint with usual values of the parts, then with drawn ones, and with the backlashes that suit best."""
-    values = usual_values(full, units_of(plain.model, plain.theta, data))
+def _starting_points(
+    plain: Fit, full: Chain, values: dict[str, tuple[float, float]], data: IOData, rng: np.random.Generator
+) -> Iterator[np.ndarray]:
+    """The plain joint with the usual values of the parts, then with drawn ones, and the backlashes that suit best."""
     new = {name: value for name, value in values.items() if name not in plain.model.names}
     low = dict(zip(full.names, full.limits[0], strict=True))
     centres = {name: centre for name, (centre, _) in new.items()}

@@ -81,9 +81,9 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
     }
 
 
-def joint_prior(chain: Chain, theta: np.ndarray, data: IOData, level: float) -> Prior:
-    """The prior of a joint's parameters, in the sizes that theta (P,) gives it, for noise of deviation `level` [y]."""
-    units, role = units_of(chain, theta, data), motor_of(chain).role
+def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
+    """The prior of a joint's parameters, in the units that a joint gives it, for noise of deviation `level` [y]."""
+    role = motor_of(chain).role
     rows: list[dict[str, float]] = []
     target, spread = list[float](), list[float]()
 

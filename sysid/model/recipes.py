@@ -88,6 +88,11 @@ class Recipe(ABC):
     def model(self) -> Any:
         """The Chain or Nlarx to fit; of a structure that grows, what it begins with."""
 
+    @property
+    def all_parts(self) -> bool:
+        """Whether a structure that grows takes all its parts at once instead."""
+        return False
+
     def model_of(self, data: IOData) -> Any:
         """The model to fit to a record: `model()` with what the settings leave to its units and its sampling time."""
         return self.model()

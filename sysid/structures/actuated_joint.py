@@ -102,9 +102,8 @@ class ActuatedJoint(Recipe):
     joint with both stops and no periodic load has a linkage between motor and joint; of the others the angle is
     proportional to the motor's. compliance: "on" for a link on a spring. parts: "grown" adds parts while they help
     (`sysid.grow_joint`); "all" takes all of them, near usual values where the record does not show them, for a model to
-    predict with (`sysid.joint_posterior`). driver_step [V]: interval between the driver's
-    levels; sensor_linearity [unit of the output]: largest deviation of the sensor from a straight line; data sheets
-    give both numbers.
+    predict with (`sysid.joint_posterior`). driver_step [V]: interval between the driver's levels; sensor_linearity
+    [unit of the output]: largest deviation of the sensor from a straight line; data sheets give both numbers.
     """
 
     name: ClassVar[str] = "actuated_joint"
@@ -154,6 +153,10 @@ class ActuatedJoint(Recipe):
         if self.load == "periodic" and self.period is None:
             return replace(self, period=turn_of(data)).model()
         return self.model()
+
+    @property
+    def all_parts(self) -> bool:
+        return self.parts == "all"
 
     @property
     def mapped(self) -> bool:

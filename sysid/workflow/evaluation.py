@@ -54,7 +54,7 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     recipe = setting.recipe
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
     model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
-    if recipe.grown and start is None and getattr(recipe, "parts", "") == "all":
+    if recipe.all_parts and start is None:
         if setting.seconds < np.inf:
             raise InputError("--seconds does not limit a joint with all parts, which takes seconds; leave it out")
         fit = joint_posterior(estimation, model, **options)

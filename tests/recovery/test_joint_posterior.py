@@ -14,7 +14,7 @@ from sysid.data.record import IOData
 from sysid.estimation.prior import Prior
 from sysid.excitations import Aprbs, Sweep
 from sysid.joint.posterior import full_joint, joint_posterior
-from sysid.joint.prior import joint_prior
+from sysid.joint.prior import joint_prior, units_of
 from sysid.joint.sampling import theta_at_rate
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
@@ -72,14 +72,16 @@ def test_the_prior_of_a_joint_does_not_depend_on_units(plain):
     theta = np.clip(at * np.exp(0.3 * rng.standard_normal(len(at))), *chain.limits)
     u = rng.uniform(-9.0, 12.0, 200)
     data = IOData(u, 0.5 * np.sin(np.arange(200.0)), TS)
-    errors = joint_prior(chain, at, data, 0.01).errors(theta)
+    errors = joint_prior(chain, units_of(chain, at, data), 0.01).errors(theta)
     assert len(errors) > 12
     faster = replace(data, Ts=TS / 2)
     rated = [theta_at_rate(chain, each, 2.0) for each in (at, theta)]
-    np.testing.assert_allclose(joint_prior(chain, rated[0], faster, 0.01).errors(rated[1]), errors, rtol=1e-9)
+    np.testing.assert_allclose(
+        joint_prior(chain, units_of(chain, rated[0], faster), 0.01).errors(rated[1]), errors, rtol=1e-9
+    )
     turned = replace(data, y=np.degrees(data.y))
     degrees = [each * _to_degrees(chain) for each in (at, theta)]
-    found = joint_prior(chain, degrees[0], turned, np.degrees(0.01)).errors(degrees[1])
+    found = joint_prior(chain, units_of(chain, degrees[0], turned), np.degrees(0.01)).errors(degrees[1])
     np.testing.assert_allclose(found, np.degrees(errors), rtol=1e-9)
 
 

@@ -276,7 +276,7 @@ def script(model: Model, data: Data, log: Path) -> str:
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
     if recipe.grown:
         call = f"sysid.grow_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    if getattr(recipe, "parts", "") == "all":
+    if recipe.all_parts:
         options = f"starts={model.setting.starts}, seed={model.setting.seed}"
         call = f"sysid.joint_posterior(estimation, recipe.model_of(estimation), {options})"
     predicts = model.setting.structure in ("armax", "nlarx")  # their criteria are not those of a free run

@@ -30,10 +30,15 @@ def excitation(kind: str, N: int, rng: np.random.Generator) -> np.ndarray:
 
 def noise(kind: str, u: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Noise (N,) of variance 1 on average; "growing with the input" is white with a deviation that follows |u|."""
-    e = rng.standard_normal(len(u))
     if kind == "coloured":
-        return np.asarray(np.sqrt(1.0 - COLOUR**2) * lfilter([1.0], [1.0, -COLOUR], e))
+        return coloured(len(u), COLOUR, rng)
+    e = rng.standard_normal(len(u))
     if kind == "growing with the input":
         size = 0.3 + np.abs(u) / u.std()
         return np.asarray(e * size / np.sqrt(np.mean(size**2)))
     return e
+
+
+def coloured(N: int, memory: float, rng: np.random.Generator) -> np.ndarray:
+    """Noise v (N,) of variance 1 with v(t) = memory v(t-1) + e(t); white at a memory of 0."""
+    return np.asarray(np.sqrt(1.0 - memory**2) * lfilter([1.0], [1.0, -memory], rng.standard_normal(N)))
