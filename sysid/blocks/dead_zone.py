@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.block.block import Law, Slot
-from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry, diagonal
+from sysid.blocks._shape import Shape
 
 
 def value(x, p):
@@ -24,7 +24,7 @@ def middle(lo: float, hi: float) -> float:
 
 
 @dataclass(frozen=True)
-class DeadZone(Map):
+class DeadZone(Shape):
     """y = x - lower below `lower`, x - upper above `upper`, 0 between; two parameters.
 
     The derivative at a break point is one-sided (zero).

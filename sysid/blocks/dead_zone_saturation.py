@@ -6,9 +6,9 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.block.block import Law, Slot
-from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
+from sysid.blocks._shape import Shape
 from sysid.blocks.dead_zone import NARROW, middle
 
 
@@ -21,7 +21,7 @@ def value(x, p):
 
 
 @dataclass(frozen=True)
-class DeadZoneSaturation(Map):
+class DeadZoneSaturation(Shape):
     """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, constant beyond saturation.
 
     y = gain_lower (max(x, saturation_lower) - dead_lower) below the dead zone, gain_upper (min(x, saturation_upper) -

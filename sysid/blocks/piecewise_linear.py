@@ -37,10 +37,10 @@ class PiecewiseLinear(Written, StaticBlock):
     """Straight lines between `knots` break points (x_i, y_i), both free.
 
     Without a number the record decides: a search with 10, as in the toolbox, then many at fixed places whose changes of
-    slope have a prior (`Objective.knots`). Outside the outer knots the end slopes continue. The derivative at a knot is
-    one-sided (that of the segment below). `at` gives the initial break points x_i; otherwise they are spread over the
-    range of the data. With free_knots=False they are fixed and only the y_i are parameters (see
-    `PiecewiseLinear.evenly_spaced`).
+    slope have a prior (`Objective.knots`); and where a shape of few numbers says as much, that (`Objective.shapes`).
+    Outside the outer knots the end slopes continue. The derivative at a knot is one-sided (that of the segment below).
+    `at` gives the initial break points x_i; otherwise they are spread over the range of the data. With free_knots=False
+    they are fixed and only the y_i are parameters (see `PiecewiseLinear.evenly_spaced`).
     """
 
     functions: ClassVar = {"value": value}

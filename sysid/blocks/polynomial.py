@@ -8,9 +8,9 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Law, Slot
-from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
+from sysid.blocks._shape import Shape
 
 
 def value(x, p, block):
@@ -22,7 +22,7 @@ def value(x, p, block):
 
 @checked
 @dataclass(frozen=True)
-class Polynomial(Map):
+class Polynomial(Shape):
     """y = c1 x^n + ... + cn x + c(n+1).
 
     It grows fast outside the data; use a map with knots if the model must extrapolate.

@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from sysid.block.block import Law, Slot
-from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry, diagonal
+from sysid.blocks._shape import Shape
 
 
 def value(x, p):
@@ -15,7 +15,7 @@ def value(x, p):
 
 
 @dataclass(frozen=True)
-class Saturation(Map):
+class Saturation(Shape):
     """y = min(max(x, lower), upper); two parameters, slope one between them.
 
     The derivative at a break point is one-sided (that of the linear part). If no sample passes a limit, the data do

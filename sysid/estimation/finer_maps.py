@@ -82,36 +82,64 @@ def finer_maps(
     """
     thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
     finer, thetas = _finer_chain(model, thetas, data, context.objective.knots)
-    fine_normal = Normal.choose(finer, data, context.objective)
-    chain = fine_normal.chain
-    thetas = np.linalg.solve(fine_normal.M, (thetas - fine_normal.m).T).T
-    maps = _maps(chain, thetas[0])
-    if not maps.groups:
+    if not _maps(finer, thetas[0]).groups:
         return model, normal, result
+    corners = not has_finer_maps(model)
+    return finer, *search_finer(finer, thetas, data, normal, result, context, weights, corners)
+
+
+def search_finer(
+    chain: Chain,
+    thetas: np.ndarray,
+    data: IOData,
+    normal: Normal,
+    result: SearchResult,
+    context: SearchContext,
+    weights: np.ndarray | None,
+    corners: bool = False,
+) -> tuple[Normal, SearchResult]:
+    """The search goes on from thetas (K, P) of another chain, with the prior of its finer maps where it has some.
+
+    `result` is the search before, in the units `normal`, and `weights` (k,) its `smoothing` of the maps that stay.
+    `corners` where they still have those of the search before. Returns the normal units of the chain too.
+    """
+    fine_normal = Normal.choose(chain, data, context.objective)
+    fine, thetas = fine_normal.chain, np.linalg.solve(fine_normal.M, (thetas - fine_normal.m).T).T
     threshold = result.problem.huber_threshold * normal.size / fine_normal.size
-    context = replace(context, model=chain, data=fine_normal.data, unit=fine_normal.size, huber_threshold=threshold)
-    held = held_scales(chain, thetas[0])
-    problem = replace(context.problem(thetas), moving=chain.free & ~held)
+    context = replace(context, model=fine, data=fine_normal.data, unit=fine_normal.size, huber_threshold=threshold)
+    maps = _maps(fine, thetas[0])
+    problem = replace(context.problem(thetas), moving=fine.free & ~held_scales(fine, thetas[0]))
     costs = tuple(c * (normal.size / fine_normal.size) ** 2 for c in result.costs)
     result = replace(result, problem=problem, outcome=replace(result.outcome, p=problem.start), costs=costs)
-    precisions = _Precisions(maps, corners=not has_finer_maps(model))
+    if not maps.groups:
+        return fine_normal, replace(result, outcome=context.iterate(problem, problem.start, context.options))
+    precisions = _Precisions(maps, corners)
     if weights is not None and len(weights) == len(maps.rows):
-        saved = Prior(slope_changes(finer), np.zeros(len(weights)), weights, chosen=True)
+        saved = Prior(slope_changes(chain), np.zeros(len(weights)), weights, chosen=True)
         there = saved.moved(np.linalg.inv(fine_normal.M), np.zeros(len(thetas[0])), 1.0 / fine_normal.size)
         precisions.begin(_weights_of(maps.rows, there))
-    return finer, fine_normal, _fit_with_prior(context, result, maps, precisions)
+    return fine_normal, _fit_with_prior(context, result, maps, precisions)
 
 
 def becomes_finer(model: Chain, objective: Objective) -> bool:
     """Whether all maps of the chain whose break points may move end with many places."""
     maps = [block for block in model.blocks if any(isinstance(part, PiecewiseLinear) for _, part in block.parts())]
-    ends = [isinstance(b, PiecewiseLinear) and b.free_knots and b.knots is None and _may_change(model, b) for b in maps]
+    ends = [isinstance(b, PiecewiseLinear) and b.free_knots and b.knots is None and may_change(model, b) for b in maps]
     return bool(objective.knots and not objective.ridge and maps and all(ends))
 
 
 def has_finer_maps(chain: Chain) -> bool:
     """Whether maps of the chain have the many places of a former fit, and so need their prior."""
     return any(len(block.slope_changes()) for block in chain.blocks)
+
+
+def on_break_points(model: Chain, points: list[np.ndarray], data: IOData, knots: int) -> tuple[Chain, list[np.ndarray]]:
+    """The chain and its points theta (P,) with many break points in place of the shapes that a former fit has found."""
+    if not knots or model.asked == model.blocks or has_finer_maps(model):
+        return model, points
+    thetas = np.tile(points[0], (len(data.experiments), 1))
+    finer = _finer_chain(model, thetas, data, knots)[0]
+    return finer, [_finer_chain(model, np.tile(p, (len(thetas), 1)), data, knots)[1][0] for p in points]
 
 
 def slope_changes(chain: Chain) -> np.ndarray:
@@ -146,7 +174,7 @@ def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> 
     blocks, parts = [], []
     for k, block in enumerate(model.blocks):
         part, change = model.index(block), None
-        if _may_change(model, block):
+        if may_change(model, block):
             x = np.concatenate([run[k].reshape(-1) for run in runs])
             change = block.finer(thetas[0, part], x, knots)
         blocks.append(block if change is None else change[0])
@@ -154,7 +182,7 @@ def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> 
     return replace(model, blocks=tuple(blocks)), np.hstack(parts)
 
 
-def _may_change(model: Chain, block: Block) -> bool:
+def may_change(model: Chain, block: Block) -> bool:
     """Whether the block is one map whose parameters are free, without bounds of the user's."""
     part = model.index(block)
     limited = any(name in model.bounds for name in model.names[part])

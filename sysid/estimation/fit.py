@@ -12,7 +12,8 @@
    smoothing where smoothing costs more than a linear start has (`follow_noise`, `ease_curvature`).
 7. Finer maps, where the objective asks for them: many break points, with a prior that the record chooses
    (`finer_maps`).
-8. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
+8. Named maps: shapes of few numbers instead, where the record says that a map has one (`named_maps`).
+9. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
 """
 
 import time
@@ -28,7 +29,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
 from sysid.data.record import IOData, check_magnitudes
-from sysid.estimation.finer_maps import becomes_finer, finer_maps, has_finer_maps, smoothing
+from sysid.estimation.finer_maps import becomes_finer, finer_maps, has_finer_maps, on_break_points, smoothing
 from sysid.estimation.free_run import autoregression, warn_of_divergence
 from sysid.estimation.guard import (
     continue_from_linear_model,
@@ -40,6 +41,7 @@ from sysid.estimation.guard import (
     worse_than_constant,
 )
 from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.named_maps import named_maps
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.origin import Origin, check_channels, share_explained
@@ -79,9 +81,14 @@ def fit_chain(
 ) -> Fit:
     """Fit a chain to a record; see `sysid.fit` for the arguments and errors."""
     began = time.perf_counter()
-    model = model.scaled(data.u, data.y) if start is None else _model_at(model, start)
-    search, options = make_search(search).name, (options or Options()).begun()
     objective = objective or LEAST_SQUARES
+    points: list[np.ndarray] = []
+    if start is None:
+        model = model.scaled(data.u, data.y)
+    else:
+        model = _model_at(model, start)
+        model, points = on_break_points(model, _given_points(model, start), data, objective.knots)
+    search, options = make_search(search).name, (options or Options()).begun()
     _check(model, data, objective)
     normal = Normal.choose(model, data, objective) if start is None else Normal.keep(model, data)
     if starts != AUTO and (isinstance(starts, str) or starts < 1):
@@ -95,10 +102,10 @@ def fit_chain(
             result = continue_from_linear_model(context, result)
         elif has_finer_maps(model):  # without their prior a search would follow the noise: stage 7 is the search
             still = replace(options, max_iterations=0)
-            result = search_from_points(replace(context, options=still), _given_points(model, start))
+            result = search_from_points(replace(context, options=still), points)
             reference = None
         else:
-            result = search_from_points(context, _given_points(model, start))
+            result = search_from_points(context, points)
             reference = _given_reference(context, result)
         has_prior = becomes_finer(model, objective) or has_finer_maps(model)  # instead of a curvature weight
         if not has_prior or (objective.huber_threshold is not None and not has_finer_maps(model)):
@@ -108,6 +115,7 @@ def fit_chain(
         if objective.knots and not objective.ridge:
             weights = start.smoothing if isinstance(start, Fit) else None
             model, normal, result = finer_maps(model, data, normal, result, context, weights)
+            model, normal, result = named_maps(model, data, normal, result, context)
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)

@@ -26,8 +26,10 @@ class Objective:
     determine the map. A segment with only a few noisy samples, and the extrapolation beyond it, keep nearly the slope
     of the neighbour. knots: break points that a piecewise linear map without a number of its own ends with, at fixed
     places, with a prior on its changes of slope whose width the record chooses (`sysid.estimation.finer_maps`); 0 keeps
-    the 10 free ones of the search, as MATLAB does, and so does a ridge. prior: what is known of the parameters of the
-    model beside the record, instead of a ridge; a fit with one needs a `start`.
+    the 10 free ones of the search, as MATLAB does, and so does a ridge. shapes: whether such a map becomes a straight
+    line, a parabola, a cubic, a saturation, a dead zone or both where BIC says so (`sysid.estimation.named_maps`).
+    prior: what is known of the parameters of the model beside the record, instead of a ridge; a fit with one needs a
+    `start`.
     """
 
     huber_threshold: float | None = None
@@ -36,6 +38,7 @@ class Objective:
     weights: tuple[float, ...] = ()
     curvature_weight: float = 1.0
     knots: int = 50
+    shapes: bool = True
     prior: Prior | None = None
 
     def __post_init__(self) -> None:
