@@ -154,8 +154,8 @@ class Block(ABC):
         """
         return None
 
-    def asked(self) -> "Block":
-        """The map that `finer` made this one from; itself if it is none of these."""
+    def asked(self) -> "Block | None":
+        """The map that a fit made this one from; itself if it is none of these, None where nothing was asked for."""
         return self
 
     def slope_changes(self) -> np.ndarray:

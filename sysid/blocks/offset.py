@@ -1,6 +1,6 @@
 """Offset: y = x + y0, the zero of an output."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -20,11 +20,17 @@ class Offset(Map):
     """y = x + y0; behind maps that cannot hold the offset of an output themselves, or behind a filter alone.
 
     With it no mean has to be taken off a record before a fit: a mean is no operating point of a record that begins at
-    rest, and a saturation or an integrator counts from a zero of its own.
+    rest, and a saturation or an integrator counts from a zero of its own. `found` where a fit has put it there, behind
+    a named shape.
     """
 
     functions: ClassVar = {"value": value}
     centred: ClassVar = True
+
+    found: bool = field(default=False, kw_only=True)
+
+    def asked(self) -> Block | None:
+        return None if self.found else self
 
     def slots(self) -> tuple[Slot, ...]:
         return (Slot("y0"),)

@@ -112,7 +112,8 @@ def search_finer(
     costs = tuple(c * (normal.size / fine_normal.size) ** 2 for c in result.costs)
     result = replace(result, problem=problem, outcome=replace(result.outcome, p=problem.start), costs=costs)
     if not maps.groups:
-        return fine_normal, replace(result, outcome=context.iterate(problem, problem.start, context.options))
+        end = context.iterate(problem, problem.start, context.options)
+        return fine_normal, replace(result, outcome=result.outcome.then(end))
     precisions = _Precisions(maps, corners)
     if weights is not None and len(weights) == len(maps.rows):
         saved = Prior(slope_changes(chain), np.zeros(len(weights)), weights, chosen=True)

@@ -16,19 +16,29 @@ from scipy.linalg import qr
 from scipy.optimize import least_squares
 
 from sysid.block.block import Block, StaticBlock
-from sysid.blocks import DeadZone, DeadZoneSaturation, PiecewiseLinear, Polynomial, Saturation
+from sysid.blocks import (
+    DeadZone,
+    DeadZoneSaturation,
+    Offset,
+    PiecewiseLinear,
+    Polynomial,
+    Saturation,
+    TransferFunction,
+)
 from sysid.data.record import IOData
 from sysid.estimation.finer_maps import has_finer_maps, may_change, search_finer, smoothing
 from sysid.estimation.normal import Normal
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.model.chain import Chain
+from sysid.model.recipes import with_offset
 from sysid.solver.linearisation import Linearisation
 
 State = tuple[Chain, Normal, SearchResult]
 
 _DEGREES = (1, 2, 3)
 _PLACES = {2: 12, 4: 8}  # of the break points that are tried as corners, by how many corners a shape has
+_BEGUN = 3  # of them from which the corners move
 _TRIED = 2  # searches for a map
 _WEAK = 1e-5  # of its size: how far a direction that the record does not show may go
 
@@ -94,18 +104,19 @@ def _held(chain: Chain, theta: np.ndarray, mine: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Form:
-    """A shape near a map: block, theta, gain of its output, the errors left, and how many of its numbers they show."""
+    """A shape near a map, which is gain times the block's output and a level; the errors left, and what they show.
+
+    `count` is how many of its numbers the record shows, `shown` whether it shows all corners: a limit that no sample
+    passes is no limit.
+    """
 
     block: StaticBlock
     theta: np.ndarray
     gain: float
+    level: float
     errors: np.ndarray
     count: int
-
-    @property
-    def shown(self) -> bool:
-        """Whether the record shows all of its numbers: a limit that no sample passes is no limit."""
-        return self.count == len(self.theta) + (self.gain != 1.0)
+    shown: bool
 
 
 def named_maps(model: Chain, data: IOData, normal: Normal, result: SearchResult, context: SearchContext) -> State:
@@ -138,7 +149,7 @@ def _better(state: State, data: IOData, context: SearchContext, bic: float) -> t
         if not isinstance(block, PiecewiseLinear) or not len(block.slope_changes()) or not may_change(model, block):
             continue
         local = _Local.of(problem, thetas, lin, model.index(block), np.array(block.at))
-        forms = [(_promise(form, local, lin), form) for form in _forms(local, block.role)]
+        forms = [(_promise(form, local, lin, k > 0), form) for form in _forms(local, block.role)]
         for promise, form in sorted(forms, key=lambda each: each[0])[:_TRIED]:
             changed = _replaced(model, thetas, k, form) if promise < 0.0 and form.shown else None
             if changed is None or not changed[0].admissible(changed[1][0]):
@@ -161,10 +172,13 @@ def _bic(data: IOData, normal: Normal, result: SearchResult) -> float:
     )
 
 
-def _promise(form: _Form, local: _Local, lin: Linearisation) -> float:
-    """The change of BIC that the linearised fit tells of the map with this shape."""
+def _promise(form: _Form, local: _Local, lin: Linearisation, has_filter: bool) -> float:
+    """The change of BIC that the linearised fit tells of the map with this shape.
+
+    With a filter before it the scale of the shape's input counts there already.
+    """
     cost = local.rest + float(form.errors @ form.errors)
-    return float(lin.N * np.log(cost / lin.cost) + (form.count - local.count) * np.log(lin.N))
+    return float(lin.N * np.log(cost / lin.cost) + (form.count - has_filter - local.count) * np.log(lin.N))
 
 
 def _forms(local: _Local, role: str) -> Iterator[_Form]:
@@ -173,48 +187,74 @@ def _forms(local: _Local, role: str) -> Iterator[_Form]:
         columns = np.vander(local.at, degree + 1)
         theta = local.best(columns)
         count = int(np.linalg.matrix_rank(local.S @ (columns / np.abs(columns).max(axis=0))))
-        yield _Form(Polynomial(degree, role=role, found=True), theta, 1.0, local.errors(columns @ theta), count)
+        block = Polynomial(degree, role=role, found=True)
+        yield _Form(block, theta, 1.0, 0.0, local.errors(columns @ theta), count, shown=True)
     yield _cornered(local, Saturation(role=role, found=True), 2, gains=1)
     yield _cornered(local, DeadZone(role=role, found=True), 2, gains=1)
     yield _cornered(local, DeadZoneSaturation(role=role, found=True), 4, gains=2)
 
 
 def _cornered(local: _Local, block: StaticBlock, corners: int, gains: int) -> _Form:
-    """The shape with its corners and gains (q) near the map: from the best of many places, to the least errors."""
+    """The shape with corners, gains and a level (q) near the map: from the best of many places, to the least errors.
+
+    Both gains of two are the block's own; one is that of a filter beside it.
+    """
 
     def curve(q: np.ndarray) -> np.ndarray:
-        theta = np.concatenate([np.sort(q[:corners]), q[corners:]])
-        return block.output(theta, local.at) if gains == 2 else q[-1] * block.output(theta[:corners], local.at)
+        own = np.concatenate([np.sort(q[:corners]), q[corners:-1]])
+        return q[-1] + (block.output(own, local.at) if gains == 2 else own[-1] * block.output(own[:-1], local.at))
+
+    def errors(q: np.ndarray) -> np.ndarray:
+        return local.errors(curve(q))
 
     def begun(places: tuple[float, ...]) -> np.ndarray:
-        columns = np.column_stack([curve(np.array([*places, *row])) for row in np.eye(gains)])
-        return np.array([*places, *local.best(columns)])
+        unit = [curve(np.array([*places, *row, 0.0])) for row in np.eye(gains)]
+        return np.array([*places, *local.best(np.column_stack([*unit, np.ones(len(local.at))]))])
 
     few = local.at[np.linspace(0, len(local.at) - 1, _PLACES[corners]).astype(int)]
-    starts = [begun(places) for places in combinations(few.tolist(), corners)]
-    start = min(starts, key=lambda q: float(np.sum(local.errors(curve(q)) ** 2)))
-    scale = np.repeat([float(np.ptp(local.at)), max(float(np.abs(start[corners:]).max()), 1e-300)], [corners, gains])
-    end = least_squares(lambda q: local.errors(curve(q)), start, x_scale=scale)
-    q, count = end.x, int(np.linalg.matrix_rank(end.jac * scale))
-    theta = np.concatenate([np.sort(q[:corners]), q[corners:]])
-    return _Form(block, theta, 1.0, end.fun, count) if gains == 2 else _Form(block, theta[:-1], q[-1], end.fun, count)
+    begins = sorted(map(begun, combinations(few.tolist(), corners)), key=lambda q: float(np.sum(errors(q) ** 2)))
+    sizes = [float(np.ptp(local.at)), float(np.ptp(local.values) / np.ptp(local.at)), float(np.ptp(local.values))]
+    scale = np.repeat(np.maximum(sizes, 1e-300), [corners, gains, 1])
+    bounds = [
+        np.repeat([end, inf], [corners, gains + 1]) for end, inf in ((local.at[0], -np.inf), (local.at[-1], np.inf))
+    ]
+    ends = [least_squares(errors, q, x_scale=scale, bounds=bounds) for q in begins[:_BEGUN]]
+    end = min(ends, key=lambda end: float(end.cost))
+    places, slopes, level = np.sort(end.x[:corners]), end.x[corners:-1], float(end.x[-1])
+    theta, gain = (np.concatenate([places, slopes]), 1.0) if gains == 2 else (places, float(slopes[0]))
+    shown = bool(local.at[1] < places[0] and places[-1] < local.at[-2])
+    return _Form(block, theta, gain, level, end.fun, int(np.linalg.matrix_rank(end.jac * scale)), shown)
 
 
 def _replaced(model: Chain, thetas: np.ndarray, k: int, form: _Form) -> tuple[Chain, np.ndarray] | None:
-    """The chain and its parameters (K, P) with the shape as block k; None where no filter takes up its gain."""
-    blocks, parts = list(model.blocks), [thetas[:, model.index(block)] for block in model.blocks]
-    theta = form.theta
+    """The chain and its parameters (K, P) with the shape as block k; None where no block takes up its gain or level.
+
+    A filter beside it takes up the gain, and what follows the level: a map of break points, else an offset behind all.
+    """
+    blocks, parts, theta = list(model.blocks), [thetas[:, model.index(block)] for block in model.blocks], form.theta
     if form.gain != 1.0:
-        before = k == len(blocks) - 1
-        taker = blocks[k - 1 if before else k + 1]
-        one, gain = np.ones(1), np.array([form.gain])
-        law = None if form.gain == 0.0 else taker.law(one, gain) if before else taker.law(1.0 / gain, one)
-        if law is None or not _is_loose(model, taker):
+        is_last = k == len(blocks) - 1 or isinstance(blocks[k + 1], Offset)
+        beside, one, gain = (k - 1 if is_last else k + 1), np.ones(1), np.array([form.gain])
+        law = None if form.gain == 0.0 else blocks[beside].law(*((one, gain) if is_last else (1.0 / gain, one)))
+        if law is None or not _is_loose(model, blocks[beside]):
             return None
-        parts[k - 1 if before else k + 1] = parts[k - 1 if before else k + 1] @ law.M.T
-        theta = np.sort(form.gain * theta) if before else theta
+        parts[beside] = parts[beside] @ law.M.T
+        theta = np.sort(form.gain * theta) if is_last else theta
     blocks[k], parts[k] = form.block, np.tile(theta, (len(thetas), 1))
-    return replace(model, blocks=tuple(blocks)), np.hstack(parts)
+    level = form.level
+    for j in range(k + 1, len(blocks)):
+        block = blocks[j]
+        if isinstance(block, PiecewiseLinear):
+            parts[j], level = np.array([block.output(row, np.array(block.at) + level) for row in parts[j]]), 0.0
+        elif isinstance(block, Offset):
+            parts[j], level = parts[j] + level, 0.0
+        elif isinstance(block, TransferFunction):
+            level *= block.gain(parts[j][0])
+    if len(with_offset(blocks, 1, "free")) > len(blocks):
+        blocks.append(Offset(role="offset", found=True))
+        parts.append(np.full((len(thetas), 1), level))
+    changed = replace(model, blocks=tuple(blocks)), np.hstack(parts)
+    return changed if np.all(np.isfinite(changed[1])) else None
 
 
 def _is_loose(model: Chain, block: Block) -> bool:

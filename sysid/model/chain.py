@@ -126,8 +126,8 @@ class Chain:
 
     @property
     def asked(self) -> tuple[Block, ...]:
-        """The blocks before a fit made their maps finer."""
-        return tuple(block.asked() for block in self.blocks)
+        """The blocks before a fit made their maps finer, or named their shapes."""
+        return tuple(asked for block in self.blocks if (asked := block.asked()) is not None)
 
     @cached_property
     def slots(self) -> tuple[Slot, ...]:

@@ -1,0 +1,154 @@
+"""Shapes that a fit names: how often the right one, with which numbers, and whether it names one where there is none.
+
+Plants of the tests' own: a map, a filter of two poles, an offset of the output; noise of 1 to 3 % of the output.
+"""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid.blocks import Offset, PiecewiseLinear
+from sysid.data.record import IOData
+from sysid.estimation import named_maps
+from sysid.estimation.objective import Objective
+
+A, B, LEVEL = np.array([1.0, -1.5, 0.6]), np.array([0.0, 0.06, 0.04]), 5.0  # static gain 1
+
+
+def _both(x):
+    return np.where(
+        x > 0.5, 0.8 * (np.minimum(x, 1.6) - 0.5), np.where(x < -0.4, 1.5 * (np.maximum(x, -1.4) + 0.4), 0.0)
+    )
+
+
+MAPS = {
+    "DeadZone": lambda x: x - np.clip(x, -0.6, 0.4),
+    "DeadZoneSaturation": _both,
+    "Polynomial": lambda x: 0.2 * x**3 - 0.15 * x**2 + 0.5 * x,
+    "Saturation": lambda x: np.clip(x, -0.7, 1.3),
+}
+CORNERS = {"DeadZone": [-0.6, 0.4], "DeadZoneSaturation": [-1.4, -0.4, 0.5, 1.6], "Saturation": [-0.7, 1.3]}
+OTHERS = {
+    "kinks": lambda x: np.interp(x, [-3.0, -1.0, 0.0, 1.0, 3.0], [-2.0, -1.5, 0.0, 0.4, 3.0]),
+    "fold": lambda x: np.abs(x - 0.3),
+    "step": lambda x: 0.4 * x + np.tanh(12.0 * x),
+    "wave": lambda x: x + 0.6 * np.sin(3.0 * x),
+}
+
+
+def record(structure, curve, seed, scale=1.0, N=1500, noise=True):
+    """Random levels with a spread of `scale` through the plant."""
+    rng = np.random.default_rng([seed, 71])
+    u = np.repeat(scale * rng.normal(size=N // 8 + 1), 8)[:N]
+    y = lfilter(B, A, curve(u)) if structure == "hammerstein" else curve(lfilter(B, A, u))
+    size = rng.uniform(0.01, 0.03) * np.std(y) * noise
+    return IOData(u, y + LEVEL + size * rng.normal(size=N), 0.1)
+
+
+def fit(structure, data, **options):
+    return sysid.fit(sysid.structures.TABLE[structure](nb=2, nf=2, nk=1).model(), data, **options)
+
+
+def names(result):
+    return [type(block).__name__ for block in result.model.blocks]
+
+
+@pytest.mark.parametrize("structure", ["hammerstein", "wiener"])
+@pytest.mark.parametrize("shape", MAPS)
+def test_the_shape_of_the_plant_is_named_with_its_numbers(structure, shape):
+    """On 6 of 6 records; corners of an input map, in its unit, have intervals that hold them."""
+    z = []
+    for seed in range(6):
+        result = fit(structure, record(structure, MAPS[shape], seed))
+        assert shape in names(result), (seed, names(result))
+        if structure == "hammerstein" and shape in CORNERS:
+            values = [p for p in result.parameters if p.name.startswith("input.") and "gain" not in p.name]
+            z += [(p.value - true) / p.std for p, true in zip(values, CORNERS[shape], strict=True)]
+    assert not z or (np.mean(np.abs(z) < 1.96) >= 0.8 and np.max(np.abs(z)) < 5.0)
+
+
+@pytest.mark.parametrize("structure", ["hammerstein", "wiener"])
+@pytest.mark.parametrize("other", OTHERS)
+def test_no_shape_is_named_where_there_is_none(structure, other):
+    for seed in range(4):
+        result = fit(structure, record(structure, OTHERS[other], seed))
+        assert "PiecewiseLinear" in names(result), (seed, names(result))
+
+
+@pytest.mark.parametrize("shape", ["Saturation", "Polynomial", "DeadZone"])
+def test_a_named_shape_goes_on_beyond_the_record(shape):
+    """Levels of twice the spread: the errors of the model are far below those of break points."""
+    ratios = []
+    for seed in range(4):
+        data, unseen = (
+            record("hammerstein", MAPS[shape], seed),
+            record("hammerstein", MAPS[shape], seed + 50, 2.0, noise=False),
+        )
+        errors = [
+            np.std((unseen.y[:, 0] - fit("hammerstein", data, objective=Objective(shapes=s)).simulate(unseen))[200:])
+            for s in (True, False)
+        ]
+        ratios.append(errors[0] / errors[1])
+    assert np.median(ratios) < 0.3, ratios
+
+
+def test_the_promise_is_the_change_of_bic(monkeypatch):
+    """What the linearised fit tells of a shape is what the search with it ends with."""
+    promises, bics = [], []
+    promise, bic = named_maps._promise, named_maps._bic
+    monkeypatch.setattr(named_maps, "_promise", lambda *a: promises.append(promise(*a)) or promises[-1])
+    monkeypatch.setattr(named_maps, "_bic", lambda *a: bics.append(bic(*a)) or bics[-1])
+    for structure in ("hammerstein", "wiener"):
+        for shape, curve in MAPS.items():
+            promises.clear()
+            bics.clear()
+            fit(structure, record(structure, curve, 11))
+            assert bics[1] - bics[0] == pytest.approx(min(promises), abs=5.0), (structure, shape)
+            assert min(promises) < -10.0
+
+
+def test_local_errors_are_those_of_the_best_other_parameters():
+    """Brute force: every other parameter is free, the values of the map are given."""
+    data = record("wiener", OTHERS["wave"], 3)
+    result = fit("wiener", data, objective=Objective(shapes=False))
+    chain, theta = result.model, result.theta
+    part, block = chain.index(chain.blocks[1]), chain.blocks[1]
+    problem = named_maps.ChainProblem(chain, theta[None], data.experiments, chain.free)
+    e, J = problem.linearise(problem.start)
+    lin = named_maps.Linearisation.of(e, J)
+    local = named_maps._Local.of(problem, theta[None], lin, part, np.array(block.at))
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        v = theta[part] + 0.01 * np.ptp(theta[part]) * rng.normal(size=part.stop - part.start)
+        left = e - J[:, part] @ (v - theta[part])
+        others = np.delete(J, np.arange(part.start, part.stop), axis=1)
+        best = left - others @ np.linalg.lstsq(others, left, rcond=None)[0]
+        got = float(np.sum(local.errors(v) ** 2)) + local.rest
+        assert got == pytest.approx(float(best @ best), rel=1e-6)
+
+
+def test_a_fit_goes_on_with_its_shape_and_gives_it_up_where_another_record_has_another():
+    first = fit("hammerstein", record("hammerstein", MAPS["Saturation"], 2))
+    again = fit("hammerstein", record("hammerstein", MAPS["Saturation"], 2), start=first)
+    assert names(again) == names(first) == ["Saturation", "TransferFunction", "Offset"]
+    assert again.criteria.bic == pytest.approx(first.criteria.bic, abs=0.5)
+    other = fit("hammerstein", record("hammerstein", OTHERS["wave"], 2), start=first)
+    assert isinstance(other.model.blocks[0], PiecewiseLinear)
+    fresh = fit("hammerstein", record("hammerstein", OTHERS["wave"], 2))
+    assert other.criteria.mse < 1.1 * fresh.criteria.mse
+
+
+def test_a_saved_fit_remembers_what_it_was_asked_for(tmp_path):
+    result = fit("hammerstein", record("hammerstein", MAPS["DeadZone"], 4))
+    result.save(tmp_path / "model.json")
+    loaded = sysid.load(tmp_path / "model.json")
+    assert loaded.model == result.model
+    assert names(loaded) == ["DeadZone", "TransferFunction", "Offset"]
+    assert [type(block).__name__ for block in loaded.model.asked] == ["PiecewiseLinear", "TransferFunction"]
+    assert isinstance(loaded.model.blocks[-1], Offset)
+
+
+def test_shapes_are_left_out_on_request():
+    data = record("hammerstein", MAPS["Saturation"], 5)
+    assert "PiecewiseLinear" in names(fit("hammerstein", data, objective=Objective(shapes=False)))
