@@ -10,7 +10,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
-from sysid.blocks._shape import Shape
+from sysid.blocks.shape import Shape
 
 
 def value(x, p, block):
@@ -36,6 +36,12 @@ class Polynomial(Shape):
     def __post_init__(self) -> None:
         if self.degree < 1:
             raise InputError(f"the degree of a polynomial is {self.degree}; give a degree of at least 1")
+
+    @property
+    def words(self) -> str:
+        """What it is called: by its degree."""
+        names = {1: "a straight line", 2: "a parabola", 3: "a cubic"}
+        return names.get(self.degree, f"a polynomial of degree {self.degree}")
 
     def slots(self) -> tuple[Slot, ...]:
         return tuple(Slot(f"c{i + 1}") for i in range(self.degree + 1))

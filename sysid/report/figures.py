@@ -32,7 +32,7 @@ from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.joint import growth_figure, hatched, values_figure
 from sysid.report.page import Picture
 from sysid.report.sections import one_step
-from sysid.report.verdict import tests_in_words
+from sysid.report.verdict import shapes_in_words, tests_in_words
 from sysid.uncertainty.curves import NORMALISED, Curve
 from sysid.workflow.results import Evaluation, single_channels
 
@@ -249,7 +249,7 @@ def _maps_caption(e: Evaluation) -> str:
             "dashed diagonal a map would change nothing."
         )
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
-    return f"Static {names} map over the range of the estimation data. {scale_words}"
+    return " ".join([f"Static {names} map over the range of the estimation data.", *shapes_in_words(e), scale_words])
 
 
 def _values_caption(e: Evaluation) -> str:

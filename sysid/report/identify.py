@@ -13,7 +13,7 @@ from sysid.estimation.result import Fit
 from sysid.export import closed_form
 from sysid.report import figures, sections, verdict
 from sysid.report.page import Grid, Listing, Page, Section
-from sysid.report.verdict import tests_in_words
+from sysid.report.verdict import shapes_in_words, tests_in_words
 from sysid.selection.table import Selection
 from sysid.structures import TABLE
 from sysid.workflow.identification import Identification
@@ -67,7 +67,7 @@ def terminal_sentences(result: Identification) -> list[str]:
     search_notes = () if result.selection is None else result.selection.notes
     notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *_notes(e))]
     sentences = [*_no_joint(e), *selection, *_growth_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
-    last = [tests_in_words(e), sections.search_sentence(e), *advice, *notes]
+    last = [*shapes_in_words(e), tests_in_words(e), sections.search_sentence(e), *advice, *notes]
     return [_with_commands(text, result.record) for text in (*_bad(result), *sentences, *last, *_next(result))]
 
 

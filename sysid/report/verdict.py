@@ -2,9 +2,12 @@
 
 import numpy as np
 
-from sysid.base.quantities import display_quantity, percent, poles
+from sysid.base.quantities import display_quantity, number, percent, poles
+from sysid.blocks import Polynomial
+from sysid.blocks.shape import Shape
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
+from sysid.estimation.result import Fit
 from sysid.report.sections import capital, model_in_words, one_step
 from sysid.workflow.evaluation import APART, OVERFITTED
 from sysid.workflow.results import Evaluation, Identification
@@ -18,7 +21,7 @@ def first(result: Identification) -> list[str]:
     e = result.evaluation
     opening = [_not_a_joint(result)] if no_joint(e) else [_bad(result)] if bad(e) else []
     fits = f"{model_in_words(e)} {fits_in_words(e)}. {stability(e)} {tests_in_words(e)}"
-    return [*opening, fits, *band_in_words(e)]
+    return [*opening, fits, *shapes_in_words(e), *band_in_words(e)]
 
 
 def fits_in_words(e: Evaluation) -> str:
@@ -56,6 +59,30 @@ def band_in_words(e: Evaluation) -> list[str]:
     else:
         wide = "; most of its width is noise"
     return [f"{sentence}{wide}."]
+
+
+def shapes_in_words(e: Evaluation) -> list[str]:
+    """The shapes that the record names for maps: one sentence each."""
+    blocks = e.fit.model.blocks if isinstance(e.fit, Fit) else ()
+    return [
+        f"The {block.role} map is {block.words}{_corners(e, block)}: BIC prefers it to a map of many break points."
+        for block in blocks
+        if isinstance(block, Shape) and block.found
+    ]
+
+
+def _corners(e: Evaluation, block: Shape) -> str:
+    """Corners of an input map in the unit of the input as recorded; those of others are in no unit that is measured."""
+    assert isinstance(e.fit, Fit)
+    if e.fit.model.blocks[0] is not block or isinstance(block, Polynomial):
+        return ""
+    x, zero, texts = display_quantity("", e.estimation.u_unit), float(e.estimation.u_offset[0]), []
+    for p in e.fit.parameters:
+        name = p.name.removeprefix(f"{block.role}.")
+        if name != p.name and not name.startswith("gain"):
+            half = "" if p.std is None else f" ± {number(1.96 * p.std * x.factor, 2)}"
+            texts.append(f"{name.replace('_', ' ')} {number((p.value + zero) * x.factor)}{half}")
+    return f" ({', '.join(texts)}{' ' * bool(x.unit)}{x.unit}; ± for 95 %)"
 
 
 def too_narrow(e: Evaluation) -> str:

@@ -1,5 +1,6 @@
 """Maps of a few numbers that a fit may put in place of one of many break points."""
 
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,6 +15,11 @@ class Shape(Map):
     """A map of a few numbers. `found` where a fit was asked for a piecewise linear one and the record named this."""
 
     found: bool = field(default=False, kw_only=True)
+
+    @property
+    def words(self) -> str:
+        """What people call it."""
+        return "a " + re.sub(r"(?<!^)(?=[A-Z])", " ", type(self).__name__).lower()
 
     def asked(self) -> Block:
         return PiecewiseLinear(role=self.role) if self.found else self
