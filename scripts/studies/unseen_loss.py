@@ -4,9 +4,10 @@ Plants of the chain structures with orders 1 to 4 and maps of eleven families, N
 the true orders and the structure's default maps. Each fit runs free on another draw of its own kind of input and on
 another kind, 3000 samples. "inside" are those whose maps meet less than 1 % of signals that the record has not shown;
 the others extrapolate, which no record settles. "bands" are the shares of measured unseen samples that the 50 % and the
-95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %.
+95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %. "named" counts the shapes
+that the default names for maps: right ones of those that the plants have, and wrong ones of all other maps.
 
-    python scripts/study.py unseen_loss --seeds 0:25 --figure loss.png
+    python scripts/study.py unseen_loss --seeds 0:25 --figure loss.png    # beside it the worst runs: loss-worst.png
     python scripts/study.py unseen_loss --seeds 0:25 --memory 0.8    # coloured noise
 """
 
@@ -22,9 +23,11 @@ from sysid.base.errors import InputError
 from sysid.bench.drawing.plants import CHAINS, Plant, draw_chain, scale_gains
 from sysid.bench.drawing.signals import INPUTS, coloured, excitation
 from sysid.block.block import StaticBlock
+from sysid.blocks import DeadZone, DeadZoneSaturation, Polynomial, Saturation
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.objective import Objective
+from sysid.model.chain import Chain
 from sysid.structures import TABLE
 from sysid.uncertainty import bands
 from sysid.uncertainty.information import Information, information
@@ -35,7 +38,11 @@ N_UNSEEN, SETTLED = (
 )  # samples of an unseen run, and those of its start that do not count: they give its initial state
 OUTSIDE = 0.01  # share of samples beyond the range of the record
 LEVELS = (0.5, 0.95)
-OBJECTIVES = {"knots 0": Objective(knots=0), "default": Objective()}
+OBJECTIVES = {"knots 0": Objective(knots=0), "no shapes": Objective(shapes=False), "default": Objective()}
+COLORS = ("tab:orange", "tab:green", "tab:blue")
+NAMED = (Polynomial, Saturation, DeadZone, DeadZoneSaturation)
+DRAWN = 4  # worst runs in a figure, and how many samples of them
+DRAWN_SAMPLES = 300
 
 
 def draw_record(structure: str, seed: int, memory: float) -> tuple[Plant, IOData, float, dict[str, np.ndarray], str]:
@@ -84,6 +91,9 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
             row[name] = {"error": str(error)}
             continue
         row[name] = {"seconds": time.process_time() - start, "d": fit.criteria.d, "warned": list(fit.warnings)}
+        row[name]["mse"] = fit.criteria.mse / size**2
+        pairs = [(shape(plant.chain, role), shape(fit.model, role)) for role in map_roles(plant.chain)]
+        row[name]["named"] = pairs
         try:
             info = information(fit, data)
         except InputError:  # without a band no sample is held
@@ -94,6 +104,17 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
             yhat = fit.runs(IOData(u, y, 1.0))[0].y[:, 0]
             row[name][kind] = loss(y[SETTLED:], yhat[SETTLED:], noise[SETTLED:])
     return row
+
+
+def map_roles(chain: Chain) -> list[str]:
+    """The roles of the maps that may have a shape."""
+    return [block.role for block in chain.blocks if isinstance(block, StaticBlock)]
+
+
+def shape(chain: Chain, role: str) -> str:
+    """The kind of a map with its degree; empty for one that is no shape."""
+    block = next(block for block in chain.blocks if block.role == role)
+    return f"{type(block).__name__}{getattr(block, 'degree', '')}" if isinstance(block, NAMED) else ""
 
 
 def share_held(info: Information, u: np.ndarray, y: np.ndarray, level: float) -> float:
@@ -108,28 +129,69 @@ def losses(rows: list[Row], name: str, kind: str, inside: bool) -> np.ndarray:
     return np.array([r[name].get(kind, np.inf) for r in chosen])
 
 
-def draw(rows: list[Row], path: Path) -> None:
-    """Losses as shares of the plants."""
+def draw(rows: list[Row], path: Path, memory: float) -> None:
+    """Losses as shares of the plants, and how much of the unseen samples the 95 % band holds on each plant."""
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(1, 2, figsize=(11, 4.2), sharey=True, layout="constrained")
-    for axes, kind in zip(panels, ("same kind", "another kind"), strict=True):
-        for color, name in zip(("tab:orange", "tab:blue"), OBJECTIVES, strict=True):
+    figure, panels = plt.subplots(2, 2, figsize=(11, 8), sharey=True, layout="constrained")
+    for (axes, below), kind in zip(panels.T, ("same kind", "another kind"), strict=True):
+        for color, name in zip(COLORS, OBJECTIVES, strict=True):
             for style, inside in (("-", True), (":", False)):
                 x = np.sort(np.clip(losses(rows, name, kind, inside), 1e-3, 100.0))
                 label = f"{name}, {'inside' if inside else 'all'} ({len(x)})"
                 axes.step(x, 100 * np.arange(1, len(x) + 1) / len(x), style, color=color, where="post", label=label)
+            held = np.sort([r[name].get(f"held, {kind}", [0.0, 0.0]) for r in rows], axis=0)
+            share = 100 * np.arange(1, len(held) + 1) / len(held)
+            for level, values, style in zip(LEVELS, held.T, (":", "-"), strict=True):
+                label = f"{name}, {100 * level:g} % band: {100 * values.mean():.1f} %"
+                below.step(100 * values, share, style, color=color, where="post", label=label)
+        for level in LEVELS:
+            below.axvline(100 * level, color="0.6", linewidth=0.8)
         axes.set(xscale="log", xlim=(1e-3, 100), xlabel="points of fit below the plant itself", title=kind)
-        axes.legend(fontsize=8)
-    panels[0].set_ylabel("plants [%]")
-    figure.suptitle("Further left is better: with more break points and a prior, a fit loses less on unseen inputs")
-    figure.savefig(path, dpi=130)
+        below.set(xlim=(0, 100), xlabel="samples in the band [%]")
+        axes.legend(fontsize=7)
+        below.legend(fontsize=7)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("plants [%]")
+    figure.suptitle("Above, further left is better; below, a step at the grey line of its level is right")
+    figure.savefig(path, dpi=110)
+    draw_worst(rows, path.with_name(f"{path.stem}-worst{path.suffix}"), memory)
+
+
+def draw_worst(rows: list[Row], path: Path, memory: float) -> None:
+    """The worst default fits over another kind of input, with their bands."""
+    import matplotlib.pyplot as plt
+
+    kind = "another kind"
+    worst = sorted(rows, key=lambda r: -r["default"].get(kind, np.inf))[:DRAWN]
+    figure, panels = plt.subplots(len(worst), 1, figsize=(11, 2.6 * len(worst)), layout="constrained")
+    for axes, r in zip(panels, worst, strict=True):
+        plant, data, _, unseen, given = draw_record(r["structure"], r["seed"], memory)
+        nb, nf, nk = plant.orders
+        fit = fit_chain(TABLE[r["structure"]](nb=nb, nf=nf, nk=nk).model(), data)
+        y, t = plant.run(unseen[kind]), slice(SETTLED, SETTLED + DRAWN_SAMPLES)
+        record = IOData(unseen[kind], y, 1.0)
+        axes.plot(y[t], color="black", linewidth=1.0, label="plant")
+        axes.plot(fit.runs(record)[0].y[t, 0], color="tab:blue", linewidth=1.0, label="model, free run")
+        try:
+            band = bands.linear(information(fit, data), record, level=0.95, noise=True)
+            axes.fill_between(np.arange(DRAWN_SAMPLES), band.lower[t], band.upper[t], alpha=0.2, label="95 % band")
+        except InputError:
+            pass
+        axes.set_ylim(y.min() - np.ptp(y), y.max() + np.ptp(y))
+        axes.set_title(
+            f"{r['structure']} {r['seed']}, {r['default'].get(kind, np.inf):.1f} points: {given}", fontsize=7
+        )
+        axes.set_ylabel("y")
+    panels[0].legend(fontsize=8, ncols=3)
+    panels[-1].set_xlabel("sample")
+    figure.savefig(path, dpi=110)
 
 
 def summary(rows: list[Row], options: argparse.Namespace) -> str:
     """Median, 90 % and worst loss and the share above 3 points, by kind, structure and objective; the worst cases."""
     if options.figure:
-        draw(rows, options.figure)
+        draw(rows, options.figure, options.memory)
     lines = []
     for kind in ("same kind", "another kind"):
         for structure in [*options.structures, "all"]:
@@ -148,6 +210,13 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
                             f"{100 * np.mean(x > 3):3.0f} %  worst {x.max():7.1f}  {seconds:.2f} s CPU  "
                             f"bands {shares}, {100 * np.mean(held[:, 1] < 0.85):.0f} %"
                         )
+    pairs = [pair for r in rows for pair in r["default"].get("named", [])]
+    shapes, others = [p for p in pairs if p[0]], [p for p in pairs if not p[0]]
+    right, other = (sum(b == a for a, b in shapes), sum(b not in (a, "") for a, b in shapes))
+    lines.append(
+        f"named: {right} of {len(shapes)} shapes, {other} as another one; {sum(b != '' for _, b in others)} of "
+        f"{len(others)} maps that are none"
+    )
     for name in OBJECTIVES:
         for r in sorted(rows, key=lambda r: -r[name].get("another kind", np.inf))[: options.worst]:
             lines.append(f"{name}: {r[name]} outside {r['outside']} {r['structure']} {r['seed']}: {r['given']}")
