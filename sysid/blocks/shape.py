@@ -1,20 +1,24 @@
 """Maps of a few numbers that a fit may put in place of one of many break points."""
 
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sysid.block.block import Block
+from sysid.block.block import Block, Slot, StaticBlock
 from sysid.block.compiler.recursion import Map
+from sysid.block.symmetry import Symmetry
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 
 
 @dataclass(frozen=True)
 class Shape(Map):
-    """A map of a few numbers. `found` where a fit was asked for a piecewise linear one and the record named this."""
+    """A map of a few numbers.
 
-    found: bool = field(default=False, kw_only=True)
+    `found`: the range of its signal in the record that named it, where a fit was asked for a piecewise linear map.
+    """
+
+    found: tuple[float, float] | None = field(default=None, kw_only=True)
 
     @property
     def words(self) -> str:
@@ -30,3 +34,40 @@ class Shape(Map):
             return None
         places = np.linspace(lo, hi, knots)
         return PiecewiseLinear(free_knots=False, at=tuple(places.tolist()), role=self.role), self.output(theta, places)
+
+    def wider(self, theta: np.ndarray) -> tuple[Block, np.ndarray, float] | None:
+        if self.found is None:
+            return None
+        lo, hi = self.found
+        mean_slope = float(np.sum(np.abs(np.diff(self.output(theta, np.linspace(lo, hi, 50)))))) / (hi - lo)
+        return Tailed(self, role=self.role), np.concatenate([[0.0], theta, [0.0]]), mean_slope
+
+
+@dataclass(frozen=True)
+class Tailed(StaticBlock):
+    """A named shape whose slope changes where the range ends that the record has shown: the first and last parameter.
+
+    It is for the uncertainty of a fit, in which both are zero.
+    """
+
+    shape: Shape
+
+    def slots(self) -> tuple[Slot, ...]:
+        return Slot("below"), *self.shape.slots(), Slot("above")
+
+    def start(self, x: np.ndarray) -> np.ndarray:
+        return np.pad(self.shape.start(x), 1)
+
+    def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
+        (lo, hi), last = self.shape.found or (-np.inf, np.inf), q + len(theta) - 1
+        y, slope = self.shape.evaluate(theta[1:-1], x, J, q + 1)
+        if J.shape[1]:
+            J[:, q], J[:, last] = np.minimum(x - lo, 0.0), np.maximum(x - hi, 0.0)
+        return y + theta[0] * np.minimum(x - lo, 0.0) + theta[-1] * np.maximum(x - hi, 0.0), slope
+
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        inner = self.shape.symmetries(theta[1:-1])
+        return [replace(s, d_theta=np.pad(s.d_theta, 1)) for s in inner]
+
+    def slope_changes(self) -> np.ndarray:
+        return np.eye(self.n_parameters)[[0, -1]]

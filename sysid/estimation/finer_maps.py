@@ -212,7 +212,7 @@ def held_scales(chain: Chain, theta: np.ndarray) -> np.ndarray:
     """True (P,) for one value of each map before a filter, whose scale is redundant."""
     held = np.zeros(len(theta), dtype=bool)
     for block in chain.blocks[:-1]:
-        if len(block.slope_changes()):
+        if isinstance(block, PiecewiseLinear) and len(block.slope_changes()):
             held[chain.index(block).start + int(np.argmax(np.abs(chain.part(theta, block))))] = True
     return held
 

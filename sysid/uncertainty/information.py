@@ -17,6 +17,7 @@ from scipy.special import stdtrit
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.blocks.shape import Shape
 from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
@@ -159,11 +160,13 @@ def information_at(
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
     A known `noise` instead gives the covariance of least squares under its colour. With the `smoothing` (k,) of a fit's
-    finer maps it is that of the posterior: the prior is a sample for each change of slope.
+    finer maps it is that of the posterior: the prior is a sample for each change of slope. Beyond the range that the
+    record has shown, the slope of these and of named shapes is uncertain.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
-    own = np.ones(len(theta), dtype=bool)
+    own, named = np.ones(len(theta), dtype=bool), any(isinstance(b, Shape) and b.found for b in chain.blocks)
+    smoothing = np.empty(0) if named and smoothing is None else smoothing
     if smoothing is not None:
         chain, theta, beyond, own = _wider(chain, theta)
     with one_blas_thread():
@@ -176,8 +179,9 @@ def information_at(
         colour = noise_model(e, Jp, data.lengths) if noise is None and lags == "auto" else noise
         level = float(e @ e) / len(e)  # of the noise in the scores of the maps
         if smoothing is not None:
-            if colour is not None:
-                level = colour.level(J[:, np.any(slope_changes(chain), axis=0)], data.lengths)
+            maps = J[:, np.any(slope_changes(chain), axis=0)]
+            if colour is not None and np.any(maps):  # of named shapes alone the record shows no change of slope
+                level = colour.level(maps, data.lengths)
             prior = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
             moving = ~held_scales(chain, theta)[chain.free][~at_bound]
         scale = _unit(Jp)
@@ -219,7 +223,7 @@ def information_at(
 
 
 def _wider(chain: Chain, theta: np.ndarray) -> tuple[Chain, np.ndarray, np.ndarray, np.ndarray]:
-    """The chain with places beyond the range of every finer map, theta there, a deviation (m,) for each end, and `own`.
+    """The chain with places beyond the range of finer maps and shapes, theta there, a deviation (m,) by end, and `own`.
 
     The record does not show a map's slope beyond its range. It has a normal distribution around the last slope inside.
     """

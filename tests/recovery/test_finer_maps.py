@@ -21,6 +21,7 @@ from sysid.workflow.evaluation import evaluate
 from sysid.workflow.setting import Setting
 
 PLAIN = Objective(knots=0)
+BREAK_POINTS = Objective(shapes=False)  # what this file is about; shapes are those of test_named_maps
 
 
 def through(u):
@@ -102,7 +103,7 @@ def test_a_corner_stays_a_corner(seed):
     """A saturation at 30 dB: what fifty break points cost beside two known ones is a small part of the noise."""
     deviation = 0.03
     data, _ = record(_saturation, 1500, deviation, seed)
-    fine = sysid.fit(wiener(1, 2, 1), data)
+    fine = sysid.fit(wiener(1, 2, 1), data, objective=BREAK_POINTS)
     assert departure(fine, _saturation, deviation) < 0.05
     block = fine.model.blocks[-1]
     slope = np.diff(np.eye(len(block.at)), axis=0) / np.diff(block.at)[:, None]
@@ -156,13 +157,15 @@ def test_a_fit_that_goes_on_keeps_the_prior():
     deviation, model, departures = 0.02, hammerstein_wiener(1, 2, 1), []
     for seed in range(12 if FULL else 4):
         (data, _), (other, _) = (record(_cubic, 800, deviation, k) for k in (seed, 100 + seed))
-        fit = sysid.fit(model, data)
-        again = sysid.fit(model, data, start=fit)
+        fit = sysid.fit(model, data, objective=BREAK_POINTS)
+        again = sysid.fit(model, data, start=fit, objective=BREAK_POINTS)
         assert again.model == fit.model
         change = again.simulate(data) - fit.simulate(data)
         assert np.mean(change**2) < 0.05 * fit.criteria.d / data.N * deviation**2  # most of 30 seeds: 0.008
-        on = sysid.fit(model, other, start=fit)
-        departures.append([departure(each, _cubic, deviation) for each in (on, sysid.fit(model, other))])
+        on = sysid.fit(model, other, start=fit, objective=BREAK_POINTS)
+        departures.append(
+            [departure(each, _cubic, deviation) for each in (on, sysid.fit(model, other, objective=BREAK_POINTS))]
+        )
     on, new = np.mean(departures, axis=0)
     assert on < new + 0.05  # of 24 seeds: 0.192 and 0.195
 

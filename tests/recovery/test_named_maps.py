@@ -11,7 +11,10 @@ import sysid
 from sysid.blocks import Offset, PiecewiseLinear
 from sysid.data.record import IOData
 from sysid.estimation import named_maps
+from sysid.estimation.map_shapes import LocalMap
 from sysid.estimation.objective import Objective
+from sysid.estimation.problem import ChainProblem
+from sysid.solver.linearisation import Linearisation
 
 A, B, LEVEL = np.array([1.0, -1.5, 0.6]), np.array([0.0, 0.06, 0.04]), 5.0  # static gain 1
 
@@ -96,8 +99,8 @@ def test_a_named_shape_goes_on_beyond_the_record(shape):
 def test_the_promise_is_the_change_of_bic(monkeypatch):
     """What the linearised fit tells of a shape is what the search with it ends with."""
     promises, bics = [], []
-    promise, bic = named_maps._promise, named_maps._bic
-    monkeypatch.setattr(named_maps, "_promise", lambda *a: promises.append(promise(*a)) or promises[-1])
+    promise, bic = named_maps.promise, named_maps._bic
+    monkeypatch.setattr(named_maps, "promise", lambda *a: promises.append(promise(*a)) or promises[-1])
     monkeypatch.setattr(named_maps, "_bic", lambda *a: bics.append(bic(*a)) or bics[-1])
     for structure in ("hammerstein", "wiener"):
         for shape, curve in MAPS.items():
@@ -114,17 +117,17 @@ def test_local_errors_are_those_of_the_best_other_parameters():
     result = fit("wiener", data, objective=Objective(shapes=False))
     chain, theta = result.model, result.theta
     part, block = chain.index(chain.blocks[1]), chain.blocks[1]
-    problem = named_maps.ChainProblem(chain, theta[None], data.experiments, chain.free)
+    problem = ChainProblem(chain, theta[None], data.experiments, chain.free)
     e, J = problem.linearise(problem.start)
-    lin = named_maps.Linearisation.of(e, J)
-    local = named_maps._Local.of(problem, theta[None], lin, part, np.array(block.at))
+    lin = Linearisation.of(e, J)
+    local = LocalMap.of(problem, theta[None], lin, part, block.at)
     rng = np.random.default_rng(5)
     for _ in range(5):
         v = theta[part] + 0.01 * np.ptp(theta[part]) * rng.normal(size=part.stop - part.start)
         left = e - J[:, part] @ (v - theta[part])
         others = np.delete(J, np.arange(part.start, part.stop), axis=1)
         best = left - others @ np.linalg.lstsq(others, left, rcond=None)[0]
-        got = float(np.sum(local.errors(v) ** 2)) + local.rest
+        got = (float(np.sum(local.errors(v / local.size) ** 2)) + local.rest) * lin.cost / lin.N
         assert got == pytest.approx(float(best @ best), rel=1e-6)
 
 
