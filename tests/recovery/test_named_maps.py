@@ -15,6 +15,8 @@ from sysid.estimation.map_shapes import LocalMap
 from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.solver.linearisation import Linearisation
+from sysid.uncertainty.bands import linear
+from sysid.uncertainty.information import information
 
 A, B, LEVEL = np.array([1.0, -1.5, 0.6]), np.array([0.0, 0.06, 0.04]), 5.0  # static gain 1
 
@@ -155,3 +157,44 @@ def test_a_saved_fit_remembers_what_it_was_asked_for(tmp_path):
 def test_shapes_are_left_out_on_request():
     data = record("hammerstein", MAPS["Saturation"], 5)
     assert "PiecewiseLinear" in names(fit("hammerstein", data, objective=Objective(shapes=False)))
+
+
+def test_a_curve_that_saturates_is_no_cubic():
+    """tanh over a range in which it looks like one: four times the range is not missed by a power of it."""
+    for seed in range(4):
+        data = record("hammerstein", np.tanh, seed, 0.5)
+        result = fit("hammerstein", data)
+        unseen = record("hammerstein", np.tanh, seed + 50, 2.0, noise=False)
+        assert "Polynomial" not in names(result)
+        assert np.std(unseen.y[:, 0] - result.simulate(unseen)) < 4.0 * np.std(unseen.y)
+
+
+def test_the_band_beyond_the_record_is_as_wide_as_that_of_break_points():
+    """A saturation that is named: no record says that it goes on, and within the record the band is narrower."""
+    data, unseen = record("hammerstein", MAPS["Saturation"], 1), record("hammerstein", MAPS["Saturation"], 51, 3.0)
+    runs = []
+    for shapes in (True, False):
+        result = fit("hammerstein", data, objective=Objective(shapes=shapes))
+        info = information(result, data, lags=None)
+        runs.append([linear(info, each, level=0.95, noise=False).std[200:] for each in (data, unseen)])
+    named, points = runs
+    assert np.mean(named[0]) < 0.8 * np.mean(points[0])
+    assert 0.5 < np.mean(named[1]) / np.mean(points[1]) < 2.0
+    assert np.mean(named[1]) > 5.0 * np.mean(named[0])
+
+
+@pytest.mark.parametrize("shape", MAPS)
+def test_the_jacobian_of_a_shape_with_tails_is_that_of_finite_differences(shape):
+    result = fit("hammerstein", record("hammerstein", MAPS[shape], 3))
+    block = result.model.blocks[0]
+    tailed, theta, mean_slope = block.wider(result.model.part(result.theta, block))
+    theta = theta + np.concatenate([[0.3], np.zeros(len(theta) - 2), [-0.2]])
+    x, steps = np.linspace(-6.0, 6.0, 83), 1e-6 * np.eye(len(theta))
+    J = np.empty((len(x), len(theta)))
+    tailed.evaluate(theta, x, J, 0)
+    numeric = [(tailed.output(theta + h, x) - tailed.output(theta - h, x)) / 2e-6 for h in steps]
+    np.testing.assert_allclose(J, np.array(numeric).T, atol=1e-6 * np.abs(J).max())
+    assert mean_slope > 0.0
+    low, high = block.found
+    seen = (x > low) & (x < high)
+    np.testing.assert_array_equal(tailed.output(theta, x)[seen], block.output(theta[1:-1], x)[seen])
