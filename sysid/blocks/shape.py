@@ -38,9 +38,12 @@ class Shape(Map):
     def wider(self, theta: np.ndarray) -> tuple[Block, np.ndarray, float] | None:
         if self.found is None:
             return None
-        lo, hi = self.found
-        mean_slope = float(np.sum(np.abs(np.diff(self.output(theta, np.linspace(lo, hi, 50)))))) / (hi - lo)
-        return Tailed(self, role=self.role), np.concatenate([[0.0], theta, [0.0]]), mean_slope
+        return Tailed(self, role=self.role), np.concatenate([[0.0], theta, [0.0]]), self.mean_slope(theta)
+
+    def mean_slope(self, theta: np.ndarray) -> float:
+        """Mean size of its slope over the range that the record has shown."""
+        lo, hi = self.found or (-1.0, 1.0)
+        return float(np.sum(np.abs(np.diff(self.output(theta, np.linspace(lo, hi, 50)))))) / (hi - lo)
 
 
 @dataclass(frozen=True)
@@ -59,11 +62,23 @@ class Tailed(StaticBlock):
         return np.pad(self.shape.start(x), 1)
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
-        (lo, hi), last = self.shape.found or (-np.inf, np.inf), q + len(theta) - 1
         y, slope = self.shape.evaluate(theta[1:-1], x, J, q + 1)
+        below, above = self._tails(theta[1:-1], x, y)
         if J.shape[1]:
-            J[:, q], J[:, last] = np.minimum(x - lo, 0.0), np.maximum(x - hi, 0.0)
-        return y + theta[0] * np.minimum(x - lo, 0.0) + theta[-1] * np.maximum(x - hi, 0.0), slope
+            J[:, q], J[:, q + len(theta) - 1] = below, above
+        return y + theta[0] * below + theta[-1] * above, slope
+
+    def _tails(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What a slope of 1 adds below and above the range: the way, and how far the shape bends from a line there."""
+        ends = np.array(self.shape.found or (-np.inf, np.inf))
+        values, slopes = self.shape.evaluate(theta, ends, np.empty((2, len(theta))), 0)
+        mean = self.shape.mean_slope(theta) or 1.0
+        beyond = (np.minimum(x - ends[0], 0.0), np.maximum(x - ends[1], 0.0))
+        bent = [
+            np.abs(y - v - s * (x - e)) * (way != 0.0)
+            for v, s, e, way in zip(values, slopes, ends, beyond, strict=True)
+        ]
+        return beyond[0] - bent[0] / mean, beyond[1] + bent[1] / mean
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         inner = self.shape.symmetries(theta[1:-1])

@@ -19,10 +19,10 @@ from sysid.model.chain import Chain
 from sysid.solver.linearisation import Linearisation
 
 _DEGREES = (1, 2, 3)
-_PLACES = {2: 12, 4: 8}  # of the break points that are tried as corners, by how many corners a shape has
+_PLACES = {1: 24, 2: 12, 4: 8}  # of the break points that are tried as corners, by how many corners a shape has
 _BEGUN = 3  # of them from which the corners move
 _CENTRES, _STEEP = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), (-1.1, 0.0, 1.1, 2.3)  # of curves that saturate; logs
-_SURE = 2.0 * np.log(20.0)  # of twice a logarithm of likelihoods
+SURE = 2.0 * np.log(20.0)  # of twice a logarithm of likelihoods: odds of 20 to 1
 _DECADES = 100.0  # from 1 of the power of a signal: others leave the range of floating point
 _WEAK = 1e-5  # of its size: how far a direction that the record does not show may go
 
@@ -77,7 +77,7 @@ class LocalMap:
         rest = float(triangle[end, end] ** 2) + lin.cost - float(lin.z @ lin.z)
         both = np.linalg.lstsq(np.concatenate([S, own]), np.concatenate([S, 0.0 * own]), rcond=None)[0]
         middle, half, size = 0.5 * (at[0] + at[-1]), 0.5 * (at[-1] - at[0]), float(np.ptp(values)) or 1.0
-        x, deviation = (np.array(at) - middle) / half, np.sqrt(lin.cost / lin.N)
+        x, deviation = np.clip((np.array(at) - middle) / half, -1.0, 1.0), np.sqrt(lin.cost / lin.N)
         units = (values / size, S * (size / deviation), z / deviation, rest / deviation**2)
         return cls(x, *units, lin.N, float(np.trace(both)), middle, half, size)
 
@@ -92,6 +92,11 @@ class LocalMap:
     def best(self, columns: np.ndarray) -> np.ndarray:
         """The weights c (k,) of the columns (m, k) whose sum leaves the least errors."""
         return np.asarray(np.linalg.lstsq(self.S @ columns, self.z + self.S @ self.values, rcond=None)[0])
+
+    def sharpest(self, n: int) -> list[float]:
+        """The n inner places at which the slope changes most, in rising order."""
+        change = np.abs(np.diff(np.diff(self.values) / np.diff(self.x)))
+        return np.sort(self.x[1:-1][np.argsort(-change, kind="stable")[:n]]).tolist()
 
     def rank(self, columns: np.ndarray) -> int:
         """How many of the directions (m, k) of the values the record shows."""
@@ -115,8 +120,7 @@ def _held(chain: Chain, theta: np.ndarray, mine: np.ndarray, size: np.ndarray) -
 class Form:
     """A shape near a map, which is gain times the block's output and a level; the errors left, and what they show.
 
-    `count` is how many of its numbers the record shows. A shape that is not `shown` has a corner that no sample passes,
-    or a curve that might as well saturate.
+    `count` is how many of its numbers the record shows; `shown` whether it shows all corners.
     """
 
     block: Shape
@@ -136,6 +140,18 @@ def promise(form: Form, local: LocalMap, has_filter: bool) -> float:
     return local.cost(form.errors) + float((form.count - has_filter - local.count) * np.log(local.N))
 
 
+def stands_alone(form: Form, local: LocalMap) -> bool:
+    """Whether what goes on otherwise beyond the record is less likely by odds of 20 to 1, whatever its parameters.
+
+    The rivals are two lines that meet and, for a curve, one that saturates. A line has none: it goes on as break points
+    do.
+    """
+    rivals = [_kinked, _saturating] if isinstance(form.block, Polynomial) else [_kinked]
+    if isinstance(form.block, Polynomial) and form.block.degree == 1:
+        return True
+    return all(local.cost(rival(local)) - local.cost(form.errors) > SURE for rival in rivals)
+
+
 def forms(local: LocalMap, role: str) -> Iterator[Form]:
     """Every shape with the numbers that bring it nearest, of those that have fewer than the record shows of the map."""
     found = local.range
@@ -148,18 +164,26 @@ def forms(local: LocalMap, role: str) -> Iterator[Form]:
 
 
 def _curved(local: LocalMap, block: Polynomial) -> Form:
-    """The polynomial near the map. One that is no line goes on with its curvature, so a curve that saturates must lose.
-
-    "Lose" is a likelihood below a twentieth, whatever its number of parameters.
-    """
+    """The polynomial near the map."""
     columns = np.vander(local.x, block.degree + 1)
     c = local.best(columns)
     errors = local.errors(columns @ c)
-    shown = block.degree == 1 or local.cost(_saturating(local)) - local.cost(errors) > _SURE
     power = np.polynomial.Polynomial(c[::-1], domain=block.found, window=(-1.0, 1.0)).convert()
     theta = local.size * np.array(power.coef[::-1], dtype=float)
     theta = np.pad(theta, (block.degree + 1 - len(theta), 0))
-    return Form(block, theta, 1.0, 0.0, errors, local.rank(columns), shown)
+    return Form(block, theta, 1.0, 0.0, errors, local.rank(columns), shown=True)
+
+
+def _kinked(local: LocalMap) -> np.ndarray:
+    """The least errors (m,) of two lines that meet: a shape with more corners must leave less."""
+
+    def errors(q: np.ndarray) -> np.ndarray:
+        columns = np.column_stack([np.ones_like(local.x), np.minimum(local.x - q, 0.0), np.maximum(local.x - q, 0.0)])
+        return local.errors(columns @ local.best(columns))
+
+    starts = [np.array([place]) for place in local.sharpest(_PLACES[1])]
+    begun = sorted(starts, key=lambda q: float(np.sum(errors(q) ** 2)))[:_BEGUN]
+    return np.asarray(min((least_squares(errors, q) for q in begun), key=lambda end: float(end.cost)).fun)
 
 
 def _saturating(local: LocalMap) -> np.ndarray:
@@ -194,8 +218,8 @@ def _cornered(local: LocalMap, block: Shape, corners: int, gains: int) -> Form:
         unit = [curve(np.array([*places, *row, 0.0])) for row in np.eye(gains)]
         return np.array([*places, *local.best(np.column_stack([*unit, np.ones_like(local.x)]))])
 
-    few = local.x[np.linspace(0, len(local.x) - 1, _PLACES[corners]).round().astype(int)]
-    begins = sorted(map(begun, combinations(few.tolist(), corners)), key=lambda q: float(np.sum(errors(q) ** 2)))
+    begins = [begun(places) for places in combinations(local.sharpest(_PLACES[corners]), corners)]
+    begins.sort(key=lambda q: float(np.sum(errors(q) ** 2)))
     bounds = [np.repeat([end, inf], [corners, gains + 1]) for end, inf in ((-1.0, -np.inf), (1.0, np.inf))]
     ends = [least_squares(errors, q, bounds=bounds) for q in begins[:_BEGUN]]
     end = min(ends, key=lambda end: float(end.cost))
@@ -203,6 +227,7 @@ def _cornered(local: LocalMap, block: Shape, corners: int, gains: int) -> Form:
     theta, slopes = local.middle + local.half * places, end.x[corners:-1] * local.size / local.half
     if isinstance(block, Saturation):  # counts from zero, and its places from the middle of the range
         level -= float(slopes[0]) * local.middle
-    theta, gain = (np.append(theta, slopes), 1.0) if gains == 2 else (theta, float(slopes[0]))
+    gain = float(np.mean(slopes)) or 1.0
+    theta = np.append(theta, slopes / gain) if gains == 2 else theta
     shown = bool(local.x[1] < places[0] and places[-1] < local.x[-2])
     return Form(block, theta, gain, level, end.fun, int(np.linalg.matrix_rank(end.jac)), shown)

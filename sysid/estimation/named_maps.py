@@ -1,8 +1,8 @@
 """The last stage: a map of many break points becomes a shape of few numbers where the record says that it has one.
 
 A line, a parabola, a cubic, a saturation, a dead zone or both go on beyond the record as they do within it, and their
-numbers mean something. A shape takes the place of the break points where BIC of the fit with it is lower (Schwarz
-1978, Annals of Statistics 6). Which shapes are worth a search is seen before (`sysid.estimation.map_shapes`).
+numbers mean something. A shape takes the place of the break points where BIC of the fit with it is lower by odds of 20
+to 1 (Schwarz 1978, Annals of Statistics 6). Which are worth a search is seen before it (`sysid.estimation.map_shapes`).
 """
 
 from dataclasses import replace
@@ -11,11 +11,11 @@ import numpy as np
 
 from sysid.base.kinds import SIZE
 from sysid.block.block import Block
-from sysid.blocks import Offset, PiecewiseLinear, TransferFunction
+from sysid.blocks import DeadZoneSaturation, Offset, PiecewiseLinear, TransferFunction
 from sysid.blocks.shape import Shape
 from sysid.data.record import IOData
 from sysid.estimation.finer_maps import has_finer_maps, may_change, search_finer, smoothing
-from sysid.estimation.map_shapes import Form, LocalMap, forms, promise
+from sysid.estimation.map_shapes import SURE, Form, LocalMap, forms, promise, stands_alone
 from sysid.estimation.normal import Normal
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.model.chain import Chain
@@ -80,14 +80,15 @@ def _better(state: State, data: IOData, context: SearchContext, bic: float) -> t
     for (k, local), rank in zip(near, levels, strict=True):
         told = [(promise(form, local, k > 0), form) for form in forms(local, model.blocks[k].role)]
         for change, form in sorted(told, key=lambda each: each[0])[:_TRIED]:
-            is_told = change < 0.0 and form.shown and form.count < rank
+            is_told = change < -SURE and form.shown and form.count < rank
+            is_told = is_told and stands_alone(form, local)
             changed = _replaced(model, thetas, k, form) if is_told else None
             if changed is None or not changed[0].admissible(changed[1][0]):
                 continue
             kept = None if weights is None else weights[_others(model, k)]
             trial = (changed[0], *search_finer(*changed, data, normal, result, rounded, kept))
             value = _bic(data, *trial[1:])
-            if value < bic:
+            if value < bic - SURE:
                 return trial, value
     return None
 
@@ -107,10 +108,12 @@ def _replaced(model: Chain, thetas: np.ndarray, k: int, form: Form) -> tuple[Cha
     A filter beside it takes up the gain, and what follows the level: a map of break points, else an offset behind all.
     """
     blocks, parts, theta = list(model.blocks), [thetas[:, model.index(block)] for block in model.blocks], form.theta
-    if form.gain != 1.0:
-        is_last = k == len(blocks) - 1 or isinstance(blocks[k + 1], Offset)
+    is_last = k == len(blocks) - 1 or isinstance(blocks[k + 1], Offset)
+    if is_last and isinstance(form.block, DeadZoneSaturation):
+        theta = theta * np.repeat([1.0, form.gain], [4, 2])
+    elif form.gain != 1.0:
         beside, one, gain = (k - 1 if is_last else k + 1), np.ones(1), np.array([form.gain])
-        law = None if form.gain == 0.0 else blocks[beside].law(*((one, gain) if is_last else (1.0 / gain, one)))
+        law = blocks[beside].law(*((one, gain) if is_last else (1.0 / gain, one)))
         if law is None or not _is_loose(model, blocks[beside]):
             return None
         parts[beside] = parts[beside] @ law.M.T

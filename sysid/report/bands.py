@@ -24,11 +24,15 @@ SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
 
 @dataclass(frozen=True)
 class Bands:
-    """The maps in the order of the signal, the step response and the frequency response; None where there is none."""
+    """The maps in the order of the signal, the step response and the frequency response; None where there is none.
+
+    `info` is the information of the record that they follow from.
+    """
 
     maps: tuple[Curve, ...]
     step: Band | None
     frequency: FrequencyResponse | None
+    info: Information | None = None
 
 
 # The last evaluation asked for: the figures of one page ask one after another, and the sensitivities are large.
@@ -65,7 +69,7 @@ def _compute_bands(e: Evaluation) -> Bands:
         frequency = responses.frequency(info, middle)
     except InputError:  # the tangent has no gain there
         frequency = None
-    return Bands(maps, step, frequency)
+    return Bands(maps, step, frequency, info)
 
 
 def _information(e: Evaluation) -> Information | None:

@@ -8,6 +8,7 @@ from sysid.blocks.shape import Shape
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
 from sysid.estimation.result import Fit
+from sysid.report.bands import bands
 from sysid.report.sections import capital, model_in_words, one_step
 from sysid.workflow.evaluation import APART, OVERFITTED
 from sysid.workflow.results import Evaluation, Identification
@@ -77,10 +78,12 @@ def _corners(e: Evaluation, block: Shape) -> str:
     if e.fit.model.blocks[0] is not block or isinstance(block, Polynomial):
         return ""
     x, zero, texts = display_quantity("", e.estimation.u_unit), float(e.estimation.u_offset[0]), []
-    for p in e.fit.parameters:
+    info, names = bands(e).info, e.fit.model.names
+    for p, one in zip(e.fit.parameters, np.eye(len(names)), strict=True):
         name = p.name.removeprefix(f"{block.role}.")
         if name != p.name and not name.startswith("gain"):
-            half = "" if p.std is None else f" ± {number(1.96 * p.std * x.factor, 2)}"
+            std = np.nan if info is None else info.std_of_fit(one)  # allows for coloured residuals
+            half = "" if np.isnan(std) else f" ± {number(info.quantile(0.95) * std * x.factor, 2)}"
             texts.append(f"{name.replace('_', ' ')} {number((p.value + zero) * x.factor)}{half}")
     return f" ({', '.join(texts)}{' ' * bool(x.unit)}{x.unit}; ± for 95 %)"
 

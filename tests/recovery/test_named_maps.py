@@ -184,17 +184,44 @@ def test_the_band_beyond_the_record_is_as_wide_as_that_of_break_points():
 
 
 @pytest.mark.parametrize("shape", MAPS)
-def test_the_jacobian_of_a_shape_with_tails_is_that_of_finite_differences(shape):
+def test_a_shape_with_tails_is_itself_within_the_record_and_open_beyond_it(shape):
+    """Its Jacobian is that of finite differences; a tail is the way, and how far the shape bends from a line."""
     result = fit("hammerstein", record("hammerstein", MAPS[shape], 3))
     block = result.model.blocks[0]
     tailed, theta, mean_slope = block.wider(result.model.part(result.theta, block))
-    theta = theta + np.concatenate([[0.3], np.zeros(len(theta) - 2), [-0.2]])
     x, steps = np.linspace(-6.0, 6.0, 83), 1e-6 * np.eye(len(theta))
     J = np.empty((len(x), len(theta)))
     tailed.evaluate(theta, x, J, 0)
     numeric = [(tailed.output(theta + h, x) - tailed.output(theta - h, x)) / 2e-6 for h in steps]
     np.testing.assert_allclose(J, np.array(numeric).T, atol=1e-6 * np.abs(J).max())
-    assert mean_slope > 0.0
     low, high = block.found
-    seen = (x > low) & (x < high)
-    np.testing.assert_array_equal(tailed.output(theta, x)[seen], block.output(theta[1:-1], x)[seen])
+    assert not np.any(J[(x > low) & (x < high)][:, [0, -1]])
+    above = x > high
+    y, h = block.output(theta[1:-1], np.array([high - 1e-6, high])), x[above] - high
+    bend = np.abs(block.output(theta[1:-1], x[above]) - y[1] - (y[1] - y[0]) / 1e-6 * h)
+    np.testing.assert_allclose(J[above, -1], h + bend / mean_slope, rtol=1e-3, atol=1e-6)
+
+
+def test_corners_that_the_record_does_not_show_are_not_invented():
+    """A rectifier, a single limit, and shapes whose second corner is far: a name that fits is not enough."""
+    maps = {"rectifier": lambda x: np.maximum(x, 0.0), "limit": lambda x: np.minimum(x, 1.0), "fold": OTHERS["fold"]}
+    for curve in maps.values():
+        for seed in range(4):
+            rng = np.random.default_rng([seed, 72])
+            u = 1.4 * rng.normal(size=400)
+            y = lfilter(B, A, curve(u))
+            data = IOData(u, y + 0.1 * np.std(y) * rng.normal(size=400), 1.0)
+            assert "PiecewiseLinear" in names(fit("hammerstein", data)), seed
+
+
+@pytest.mark.parametrize(("zero", "level"), [(10.0, 0.0), (1000.0, 1000.0), (-1e6, 3.0)])
+def test_signals_far_from_zero(zero, level):
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 73])
+        u = rng.normal(size=500)
+        y = lfilter(B, A, np.clip(u, -0.8, 1.0)) + level
+        data = IOData(u + zero, y + 0.03 * np.std(y) * rng.normal(size=500), 1.0)
+        result = fit("hammerstein", data)
+        assert names(result)[0] == "Saturation"
+        lower = next(p for p in result.parameters if p.name == "input.lower")
+        assert abs(lower.value - zero + 0.8) < max(5.0 * (lower.std or 0.0), 1e-3)
