@@ -82,8 +82,8 @@ def _corners(e: Evaluation, block: Shape) -> str:
     for p, one in zip(e.fit.parameters, np.eye(len(names)), strict=True):
         name = p.name.removeprefix(f"{block.role}.")
         if name != p.name and not name.startswith("gain"):
-            std = np.nan if info is None else info.std_of_fit(one)  # allows for coloured residuals
-            half = "" if np.isnan(std) else f" ± {number(info.quantile(0.95) * std * x.factor, 2)}"
+            reach = np.nan if info is None else info.quantile(0.95) * info.std_of_fit(one)  # coloured residuals counted
+            half = "" if np.isnan(reach) else f" ± {number(reach * x.factor, 2)}"
             texts.append(f"{name.replace('_', ' ')} {number((p.value + zero) * x.factor)}{half}")
     return f" ({', '.join(texts)}{' ' * bool(x.unit)}{x.unit}; ± for 95 %)"
 
