@@ -5,7 +5,8 @@
 Legs are those of `drawn_joints`. A joint is estimated from one sweep of 125 s at 0.1 s (`--stairs`: and from slow
 stairs), by growth and with all parts at once (`sysid.joint_posterior`). Its free run is compared with the noise
 ceiling on a fresh sweep, and on levels and times drawn at random over the whole supply (aprbs). "found" are joints
-within 0.5 points.
+within 0.5 points, "band" the share of unseen samples that the 95 % band of the free run holds, on the mean and on the
+worst joint. Values: how many are told, how many of these are near the truth, and how many intervals hold it.
 """
 
 import argparse
@@ -16,10 +17,16 @@ from drawn_joints import DURATION, TS, below_ceiling, leg, records
 from study import Row, Study, words
 
 import twin
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
 from sysid.joint.growth import grow_joint
 from sysid.joint.posterior import joint_posterior
+from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
+from sysid.uncertainty.bands import linear
+from sysid.uncertainty.information import information
 from twin.hardware.actuator import drive
+from twin.studies.beyond import aim, twin_truth
 
 WAYS = {
     "growth": lambda data, plain, seed: grow_joint(data, plain, starts=2, seed=seed).fit,
@@ -41,9 +48,23 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         start = time.process_time()
         fit = way(data, actuated_joint(play=False, driver_step=drive(p, joint).step), seed)
         row[name] = {"seconds": time.process_time() - start}
+        info = information(fit, data, lags="auto")
         for kind, log in zip(KINDS, (fresh, other), strict=True):
             row[name][kind] = below_ceiling(fit, log)
+            band = linear(info, log.io(), level=0.95, noise=True)
+            held = (band.lower <= log.y) & (log.y <= band.upper)
+            row[name][f"held, {kind}"] = float(np.mean(held[fit.n_init :]))
+        row[name]["values"] = values_of(fit, data, joint, p)
     return row
+
+
+def values_of(fit: Fit, data: IOData, joint: str, p: twin.Parameters) -> dict[str, tuple[bool, bool]]:
+    """Of each value that is told: whether it is near the truth, and whether its interval holds it."""
+    true, out = twin_truth(joint, data.Ts, p), {}
+    for v in joint_values(fit, data=data, linearity=p["pot_linearity"] * p["pot_range"]):
+        if v.low is not None and v.name in true:
+            out[v.name] = (abs(v.value - true[v.name]) <= aim(v.name, true[v.name], data.Ts), v.holds(true[v.name]))
+    return out
 
 
 def summary(rows: list[Row], options: argparse.Namespace) -> str:
@@ -53,10 +74,17 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
         seconds = np.median([row[name]["seconds"] for row in rows])
         for kind in KINDS:
             x = np.array([row[name][kind] for row in rows])
-            worst = rows[int(np.argmax(x))]
+            worst, held = rows[int(np.argmax(x))], [row[name][f"held, {kind}"] for row in rows]
             lines.append(
                 f"{name:10s} {kind:12s} n {len(x)}  found {np.sum(x <= 0.5)}  within 2 {np.sum(x <= 2.0)}  median "
-                f"{np.median(x):.2f}  worst {x.max():.1f} ({worst['joint']} {worst['seed']})  {seconds:.1f} s CPU"
+                f"{np.median(x):.2f}  worst {x.max():.1f} ({worst['joint']} {worst['seed']})  {seconds:.1f} s CPU  "
+                f"band {100 * np.mean(held):.0f} %, worst {100 * np.min(held):.0f} %"
+            )
+        for value in sorted({v for row in rows for v in row[name]["values"]}):
+            told = [row[name]["values"][value] for row in rows if value in row[name]["values"]]
+            near, holds = np.mean(told, axis=0)
+            lines.append(
+                f"{name:10s} {value:20s} told on {len(told)}, near {100 * near:.0f} %, held {100 * holds:.0f} %"
             )
     return "\n".join(lines)
 

@@ -117,7 +117,7 @@ def fit_chain(
             model, normal, result = finer_maps(model, data, normal, result, context, weights)
             model, normal, result = named_maps(model, data, normal, result, context)
     fit = _result(model, data, normal, result)
-    fit = replace(fit, search=search, seconds=time.perf_counter() - began)
+    fit = replace(fit, search=search, seconds=time.perf_counter() - began, prior=objective.prior)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
     return replace(fit, warnings=fit.warnings + _unsettled(fit) + departs)
 

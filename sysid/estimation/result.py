@@ -20,6 +20,7 @@ from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, run_from_rest
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.origin import FREE_RUN, ONE_STEP, FitMethods, Origin, check_channels, check_same_kind
+from sysid.estimation.prior import Prior
 from sysid.model.chain import Chain
 from sysid.model.tangents import Rational, tangent
 from sysid.solver.covariance import Covariance, pole_std
@@ -69,6 +70,7 @@ class Fit(FitMethods):
     y_offset: np.ndarray | None = None
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
     noise: tuple[tuple[float, ...], ...] | None = None  # autoregression of each output's residuals there, for `predict`
+    prior: Prior | None = None  # what was known beside the record, see `Objective.prior`
     smoothing: np.ndarray | None = None  # (k,) deviation of the noise by that of the prior of each change of slope
 
     @checked

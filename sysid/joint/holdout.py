@@ -10,6 +10,7 @@ from sysid.data.record import IOData
 from sysid.estimation.free_run import resting_theta
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.objective import Objective
+from sysid.estimation.prior import Prior
 from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold, folds
@@ -68,9 +69,9 @@ def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> H
     return HoldoutErrors(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
 
 
-def refit(chain: Chain, theta: np.ndarray, data: IOData, iterations: int) -> np.ndarray:
+def refit(chain: Chain, theta: np.ndarray, data: IOData, iterations: int, prior: Prior | None = None) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
-    context = SearchContext(chain, data, Objective(), "lm", Options(max_iterations=iterations).begun(), None)
+    context = SearchContext(chain, data, Objective(prior=prior), "lm", Options(max_iterations=iterations).begun(), None)
     rows = [
         estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, INITIAL_SAMPLES)))
         for e in data.experiments

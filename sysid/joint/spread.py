@@ -112,7 +112,7 @@ def spread_of(fit: Fit, data: IOData, level: float, halves: bool = True) -> Spre
 
 def _refit_fold(fit: Fit, part: IOData) -> np.ndarray:
     with one_blas_thread(), np.errstate(all="ignore"):
-        return refit(fit.model, fit.theta, part, _ITERATIONS)
+        return refit(fit.model, fit.theta, part, _ITERATIONS, fit.prior)
 
 
 def structural_deviation(name: str, value: float, travel: float, Ts: float, dry: float) -> float:

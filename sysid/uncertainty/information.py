@@ -22,6 +22,7 @@ from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.noise_model import NoiseModel, long_run_covariance_root, noise_model
+from sysid.estimation.prior import Prior
 from sysid.model.chain import Chain
 from sysid.solver.covariance import cancels
 
@@ -136,7 +137,8 @@ def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> In
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
     if lags == TESTED:
         lags = "auto" if _coloured(fit, data) else None
-    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init, smoothing=fit.smoothing)
+    known = {"smoothing": fit.smoothing, "prior": fit.prior}
+    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init, **known)
 
 
 def _coloured(fit: "Fit", data: IOData) -> bool:
@@ -156,12 +158,13 @@ def information_at(
     noise_variance: float | None = None,
     noise: NoiseModel | None = None,
     smoothing: np.ndarray | None = None,
+    prior: Prior | None = None,
 ) -> Information:
     """The same for any parameters theta (P,); with the true ones and `noise_variance`, the Cramer-Rao bound.
 
     A known `noise` instead gives the covariance of least squares under its colour. With the `smoothing` (k,) of a fit's
-    finer maps it is that of the posterior: the prior is a sample for each change of slope. Beyond the range that the
-    record has shown, the slope of these and of named shapes is uncertain.
+    finer maps, or its `prior`, it is that of the posterior: the prior is a sample for each change of slope or row.
+    Beyond the range that the record has shown, the slope of finer maps and of named shapes is uncertain.
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
@@ -172,9 +175,12 @@ def information_at(
     with one_blas_thread():
         e, J, mask, initial_count = _stack_experiments(chain, theta, data)
         free = chain.basis[:, chain.free]
-        at_bound = _bound_mask(chain, theta, (J @ free).T @ e)
+        gradient = (J @ free).T @ e
+        if prior is not None:
+            gradient += prior.jacobian(free).T @ prior.errors(theta)
+        at_bound = _bound_mask(chain, theta, gradient)
         basis, redundant = free[:, ~at_bound], _gauge(chain, theta, free, at_bound)
-        Jp, prior = J @ basis, np.empty((0, basis.shape[1]))
+        Jp, rows = J @ basis, np.empty((0, basis.shape[1]))
         moving = np.ones(basis.shape[1], dtype=bool)
         colour = noise_model(e, Jp, data.lengths) if noise is None and lags == "auto" else noise
         level = float(e @ e) / len(e)  # of the noise in the scores of the maps
@@ -182,12 +188,15 @@ def information_at(
             maps = J[:, np.any(slope_changes(chain), axis=0)]
             if colour is not None and np.any(maps):  # of named shapes alone the record shows no change of slope
                 level = colour.level(maps, data.lengths)
-            prior = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
+            rows = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
             moving = ~held_scales(chain, theta)[chain.free][~at_bound]
+        elif prior is not None:
+            level = level if colour is None else colour.level(Jp, data.lengths)
+            rows = prior.jacobian(basis)
         scale = _unit(Jp)
-        prior = _limited(prior / scale)
+        rows = _limited(rows / scale)
         R = np.asarray(np.linalg.qr(Jp / scale, mode="r"))
-        _, s, Vt = np.linalg.svd(np.vstack([R, prior])[:, moving])
+        _, s, Vt = np.linalg.svd(np.vstack([R, rows])[:, moving])
         keep = s > _EMPTY * (np.linalg.norm(R, 2) if R.size else 1.0)
         directions = np.zeros((len(moving), len(Vt)))
         directions[moving] = Vt.T
@@ -198,10 +207,10 @@ def information_at(
         sigma2 = float(e @ e) / max(dof, 1.0) if noise_variance is None else float(noise_variance)
         root, bandwidth = np.sqrt(sigma2) * np.eye(V.shape[1]), None
         if noise is not None:
-            root = _with_prior(noise.root(seen, data.lengths), prior @ V, level)
+            root = _with_prior(noise.root(seen, data.lengths), rows @ V, level)
         elif lags is not None:
             root, bandwidth = long_run_covariance_root(e, seen, data.lengths, lags, colour)
-            root = _with_prior(np.sqrt(mask.sum() / max(dof, 1.0)) * root, prior @ V, level)
+            root = _with_prior(np.sqrt(mask.sum() / max(dof, 1.0)) * root, rows @ V, level)
         factor = weights @ V @ root
         null = np.delete(directions, np.flatnonzero(keep), axis=1)
         null_directions, sv, _ = np.linalg.svd(null - redundant @ (redundant.T @ null), full_matrices=False)
