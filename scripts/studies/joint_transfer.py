@@ -63,7 +63,8 @@ def values_of(fit: Fit, data: IOData, joint: str, p: twin.Parameters) -> dict[st
     true, out = twin_truth(joint, data.Ts, p), {}
     for v in joint_values(fit, data=data, linearity=p["pot_linearity"] * p["pot_range"]):
         if v.low is not None and v.name in true:
-            out[v.name] = (abs(v.value - true[v.name]) <= aim(v.name, true[v.name], data.Ts), v.holds(true[v.name]))
+            near = abs(v.value - true[v.name]) <= aim(v.name, true[v.name], data.Ts)
+            out[v.name] = (bool(near), bool(v.holds(true[v.name])))
     return out
 
 

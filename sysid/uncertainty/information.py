@@ -137,8 +137,8 @@ def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> In
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
     if lags == TESTED:
         lags = "auto" if _coloured(fit, data) else None
-    known = {"smoothing": fit.smoothing, "prior": fit.prior}
-    return information_at(fit.model, fit.theta, fit.own_level(data), lags, fit.n_init, **known)
+    record = fit.own_level(data)
+    return information_at(fit.model, fit.theta, record, lags, fit.n_init, smoothing=fit.smoothing, prior=fit.prior)
 
 
 def _coloured(fit: "Fit", data: IOData) -> bool:

@@ -39,8 +39,8 @@ OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
 _ALL_PARTS = (
-    "the joint has all parts, near usual values where the record does not show them: use it to predict; its parts and "
-    "values are no evidence, for which leave --parts all out"
+    "the joint has all parts, near usual values where the record does not show them: use it to predict; its parts are "
+    "no evidence, for which leave --parts all out"
 )
 _FAR = 20  # samples over which the prediction of a model that integrates is judged
 _DIVERGED = -1000.0  # [%] of fit, below which a number says no more than that the run has left the data
@@ -58,7 +58,7 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         if setting.seconds < np.inf:
             raise InputError("--seconds does not limit a joint with all parts, which takes seconds; leave it out")
         fit = joint_posterior(estimation, model, **options)
-        result = evaluate_fit(setting, fit, estimation, validation, physical=False)
+        result = evaluate_fit(setting, fit, estimation, validation)
         return replace(result, notes=(*result.notes, _ALL_PARTS))
     if recipe.grown and start is None:
         growth = grow_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)

@@ -18,6 +18,7 @@ from sysid.joint.prior import joint_prior, units_of
 from sysid.joint.sampling import theta_at_rate
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
+from sysid.uncertainty.information import information
 from twin.cli import main
 
 TS, N, NOISE = 0.1, 1000, np.deg2rad(0.2)
@@ -46,7 +47,7 @@ def sweep(seed):
     return record(Sweep(12.0, 7.0, jitter=0.4, shrink=0.4), seed)
 
 
-def test_a_prior_among_the_errors_gives_the_closed_form():
+def test_a_prior_among_the_errors_gives_the_closed_form(tmp_path):
     """A polynomial is linear in its coefficients: (A'A + W'W)^-1 (A'y + W'W t), and the deviations of the posterior."""
     rng, chain = np.random.default_rng(1), Chain((Polynomial(3, role="input"),))
     u = rng.uniform(-1.0, 1.0, 60)
@@ -58,6 +59,11 @@ def test_a_prior_among_the_errors_gives_the_closed_form():
     H = A.T @ A + np.diag(weight**2)
     std = np.sqrt(fit.covariance.noise_variance * np.diag(np.linalg.inv(H)))
     np.testing.assert_allclose(fit.covariance.std(), std, rtol=1e-4)
+    info = information(fit, IOData(u, y), lags=None)
+    np.testing.assert_allclose(info.cov, info.noise_variance * np.linalg.inv(H), rtol=1e-6, atol=1e-9)
+    assert info.dof == pytest.approx(60.0 - np.trace(np.linalg.solve(H, A.T @ A)), rel=1e-9)
+    again = sysid.load(fit.save(tmp_path / "fit.json"))
+    np.testing.assert_array_equal(information(again, IOData(u, y), lags=None).cov, info.cov)
     expected = np.linalg.solve(H, A.T @ y + weight**2 * target)
     assert np.all(np.abs(fit.theta - expected) < 2e-3 * std)  # a search rounds to a thousandth of a deviation
 
@@ -133,5 +139,8 @@ def test_the_command_says_that_its_parts_are_no_evidence(tmp_path, capsys):
     summary = json.loads(capsys.readouterr().out)
     assert summary["fit_percent"]["validation"] > 98.0
     assert any("are no evidence" in note for note in summary["notes"])
+    values = {value["name"]: value for value in summary["values"]}
+    for name, truth in (("end_low", -0.9), ("end_high", 0.4)):
+        assert values[name]["low"] <= truth <= values[name]["high"]
     assert main([*words, "--seconds", "5"]) != 0
     assert "leave it out" in capsys.readouterr().err
