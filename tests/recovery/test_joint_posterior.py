@@ -140,7 +140,7 @@ def test_the_command_says_that_its_parts_are_no_evidence(tmp_path, capsys):
     assert summary["fit_percent"]["validation"] > 98.0
     assert any("are no evidence" in note for note in summary["notes"])
     values = {value["name"]: value for value in summary["values"]}
-    for name, truth in (("end_low", -0.9), ("end_high", 0.4)):
+    for name, truth in (("end_low", np.degrees(-0.9)), ("end_high", np.degrees(0.4))):
         assert values[name]["low"] <= truth <= values[name]["high"]
     assert main([*words, "--seconds", "5"]) != 0
     assert "leave it out" in capsys.readouterr().err
