@@ -227,7 +227,7 @@ def _cornered(local: LocalMap, block: Shape, corners: int, gains: int) -> Form:
     theta, slopes = local.middle + local.half * places, end.x[corners:-1] * local.size / local.half
     if isinstance(block, Saturation):  # counts from zero, and its places from the middle of the range
         level -= float(slopes[0]) * local.middle
-    gain = float(np.mean(slopes)) or 1.0
+    gain = float(slopes[np.argmax(np.abs(slopes))]) or 1.0
     theta = np.append(theta, slopes / gain) if gains == 2 else theta
     shown = bool(local.x[1] < places[0] and places[-1] < local.x[-2])
     return Form(block, theta, gain, level, end.fun, int(np.linalg.matrix_rank(end.jac)), shown)
