@@ -8,8 +8,8 @@ import numpy as np
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
+from sysid.blocks._shape import Shape
 from sysid.blocks.dead_zone import NARROW, middle
-from sysid.blocks.shape import Shape
 
 
 def value(x, p):

@@ -10,7 +10,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 
 
 def value(x, p, block):

@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry, diagonal
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 
 
 def value(x, p):

@@ -13,7 +13,7 @@ from scipy.linalg import qr
 from scipy.optimize import least_squares
 
 from sysid.blocks import DeadZone, DeadZoneSaturation, Polynomial, Saturation
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 from sysid.estimation.problem import ChainProblem
 from sysid.model.chain import Chain
 from sysid.solver.linearisation import Linearisation

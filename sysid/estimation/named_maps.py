@@ -12,7 +12,7 @@ import numpy as np
 from sysid.base.kinds import SIZE
 from sysid.block.block import Block
 from sysid.blocks import DeadZoneSaturation, Offset, PiecewiseLinear, TransferFunction
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 from sysid.data.record import IOData
 from sysid.estimation.finer_maps import has_finer_maps, may_change, search_finer, smoothing
 from sysid.estimation.map_shapes import SURE, Form, LocalMap, forms, promise, stands_alone

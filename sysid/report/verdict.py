@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.quantities import display_quantity, number, percent, poles
 from sysid.blocks import Polynomial
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
 from sysid.estimation.result import Fit

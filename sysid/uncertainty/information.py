@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks.shape import Shape
+from sysid.blocks._shape import Shape
 from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
