@@ -159,7 +159,7 @@ def draw(rows: list[Row], path: Path, memory: float) -> None:
 
 
 def draw_worst(rows: list[Row], path: Path, memory: float) -> None:
-    """The worst default fits over another kind of input, with their bands."""
+    """The worst default fits over another kind of input where they err most, with their bands."""
     import matplotlib.pyplot as plt
 
     kind = "another kind"
@@ -169,13 +169,16 @@ def draw_worst(rows: list[Row], path: Path, memory: float) -> None:
         plant, data, _, unseen, given = draw_record(r["structure"], r["seed"], memory)
         nb, nf, nk = plant.orders
         fit = fit_chain(TABLE[r["structure"]](nb=nb, nf=nf, nk=nk).model(), data)
-        y, t = plant.run(unseen[kind]), slice(SETTLED, SETTLED + DRAWN_SAMPLES)
+        y = plant.run(unseen[kind])
         record = IOData(unseen[kind], y, 1.0)
-        axes.plot(y[t], color="black", linewidth=1.0, label="plant")
-        axes.plot(fit.runs(record)[0].y[t, 0], color="tab:blue", linewidth=1.0, label="model, free run")
+        yhat = fit.runs(record)[0].y[:, 0]
+        middle = SETTLED + int(np.argmax(np.abs(y - yhat)[SETTLED:]))  # the largest error
+        t = slice(max(middle - DRAWN_SAMPLES // 2, SETTLED), middle + DRAWN_SAMPLES // 2)
+        axes.plot(np.arange(N_UNSEEN)[t], y[t], color="black", linewidth=1.0, label="plant")
+        axes.plot(np.arange(N_UNSEEN)[t], yhat[t], color="tab:blue", linewidth=1.0, label="model, free run")
         try:
             band = bands.linear(information(fit, data), record, level=0.95, noise=True)
-            axes.fill_between(np.arange(DRAWN_SAMPLES), band.lower[t], band.upper[t], alpha=0.2, label="95 % band")
+            axes.fill_between(np.arange(N_UNSEEN)[t], band.lower[t], band.upper[t], alpha=0.2, label="95 % band")
         except InputError:
             pass
         axes.set_ylim(y.min() - np.ptp(y), y.max() + np.ptp(y))
