@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import dataclass, field, replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -44,6 +45,11 @@ class Shape(Map):
         """Mean size of its slope over the range that the record has shown."""
         lo, hi = self.found or (-1.0, 1.0)
         return float(np.sum(np.abs(np.diff(self.output(theta, np.linspace(lo, hi, 50)))))) / (hi - lo)
+
+
+def is_named(block: Block) -> TypeGuard[Shape]:
+    """Whether a fit has put the block in place of a map of many break points."""
+    return isinstance(block, Shape) and block.found is not None
 
 
 @dataclass(frozen=True)

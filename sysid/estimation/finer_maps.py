@@ -138,9 +138,18 @@ def on_break_points(model: Chain, points: list[np.ndarray], data: IOData, knots:
     """The chain and its points theta (P,) with many break points in place of the shapes that a former fit has found."""
     if not knots or model.asked == model.blocks or has_finer_maps(model):
         return model, points
-    thetas = np.tile(points[0], (len(data.experiments), 1))
-    finer = _finer_chain(model, thetas, data, knots)[0]
-    return finer, [_finer_chain(model, np.tile(p, (len(thetas), 1)), data, knots)[1][0] for p in points]
+    finer = _finer_chain(model, np.tile(points[0], (len(data.experiments), 1)), data, knots)[0]
+    pairs = list(zip(model.blocks, finer.blocks, strict=True))
+
+    def moved(theta: np.ndarray) -> np.ndarray:
+        """The same curves at the places of the finer maps."""
+        parts = [model.part(theta, old) for old, _ in pairs]
+        for k, (old, new) in enumerate(pairs):
+            if isinstance(new, PiecewiseLinear) and new != old:
+                parts[k] = old.output(parts[k], np.array(new.at))
+        return np.concatenate(parts)
+
+    return finer, [moved(theta) for theta in points]
 
 
 def slope_changes(chain: Chain) -> np.ndarray:
@@ -184,7 +193,7 @@ def _finer_chain(model: Chain, thetas: np.ndarray, data: IOData, knots: int) -> 
 
 
 def may_change(model: Chain, block: Block) -> bool:
-    """Whether the block is one map whose parameters are free, without bounds of the user's."""
+    """Whether the block has one channel and its parameters are free, without bounds of the user's."""
     part = model.index(block)
     limited = any(name in model.bounds for name in model.names[part])
     return block.channels == (1, 1) and bool(model.free[part].all()) and not limited

@@ -10,9 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.base.kinds import SIZE
-from sysid.block.block import Block
 from sysid.blocks import DeadZoneSaturation, Offset, PiecewiseLinear, TransferFunction
-from sysid.blocks._shape import Shape
+from sysid.blocks._shape import is_named
 from sysid.data.record import IOData
 from sysid.estimation.finer_maps import has_finer_maps, may_change, search_finer, smoothing
 from sysid.estimation.map_shapes import SURE, Form, LocalMap, forms, promise, stands_alone
@@ -44,7 +43,7 @@ def named_maps(model: Chain, data: IOData, normal: Normal, result: SearchResult,
         if better is None:
             break
         state, bic = better
-    return _with_ranges(state, data)
+    return state if state[0] is model else _with_ranges(state, data)
 
 
 def _with_ranges(state: State, data: IOData) -> State:
@@ -55,7 +54,7 @@ def _with_ranges(state: State, data: IOData) -> State:
     runs = [model.signals(theta, record.u) for theta, record in pairs]
     blocks = list(model.blocks)
     for k, block in enumerate(blocks):
-        if isinstance(block, Shape) and block.found:
+        if is_named(block):
             x = np.concatenate([run[k] for run in runs])
             blocks[k] = replace(block, found=(float(x.min()), float(x.max())))
     return replace(model, blocks=tuple(blocks)), normal, result
@@ -114,7 +113,7 @@ def _replaced(model: Chain, thetas: np.ndarray, k: int, form: Form) -> tuple[Cha
     elif form.gain != 1.0:
         beside, one, gain = (k - 1 if is_last else k + 1), np.ones(1), np.array([form.gain])
         law = blocks[beside].law(*((one, gain) if is_last else (1.0 / gain, one)))
-        if law is None or not _is_loose(model, blocks[beside]):
+        if law is None or not may_change(model, blocks[beside]):
             return None
         parts[beside] = parts[beside] @ law.M.T
         theta = np.sort(form.gain * theta) if is_last else theta
@@ -133,12 +132,6 @@ def _replaced(model: Chain, thetas: np.ndarray, k: int, form: Form) -> tuple[Cha
         parts.append(np.full((len(thetas), 1), level))
     changed = replace(model, blocks=tuple(blocks)), np.hstack(parts)
     return changed if np.all(np.abs(changed[1]) < SIZE) else None
-
-
-def _is_loose(model: Chain, block: Block) -> bool:
-    """Whether no parameter of the block is held or limited by the user."""
-    part = model.index(block)
-    return bool(model.free[part].all()) and not any(name in model.bounds for name in model.names[part])
 
 
 def _others(model: Chain, k: int) -> np.ndarray:

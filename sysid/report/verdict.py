@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base.quantities import display_quantity, number, percent, poles
 from sysid.blocks import Polynomial
-from sysid.blocks._shape import Shape
+from sysid.blocks._shape import Shape, is_named
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
 from sysid.estimation.result import Fit
@@ -68,7 +68,7 @@ def shapes_in_words(e: Evaluation) -> list[str]:
     return [
         f"The {block.role} map is {block.words}{_corners(e, block)}: BIC prefers it to a map of many break points."
         for block in blocks
-        if isinstance(block, Shape) and block.found
+        if is_named(block)
     ]
 
 

@@ -17,7 +17,7 @@ from scipy.special import stdtrit
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks._shape import Shape
+from sysid.blocks._shape import is_named
 from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
 from sysid.estimation.initial_state import estimate_initial
@@ -168,7 +168,7 @@ def information_at(
     The initial state in theta belongs to the record's first experiment; those of further experiments are fitted.
     """
     siso(data)
-    own, named = np.ones(len(theta), dtype=bool), any(isinstance(b, Shape) and b.found for b in chain.blocks)
+    own, named = np.ones(len(theta), dtype=bool), any(map(is_named, chain.blocks))
     smoothing = np.empty(0) if named and smoothing is None else smoothing
     if smoothing is not None:
         chain, theta, beyond, own = _wider(chain, theta)
