@@ -29,7 +29,7 @@ from sysid.blocks.transfer_function import TransferFunction
 from sysid.selection import select as selecting
 from sysid.uncertainty import information as informing
 
-SEARCHES = "auto"  # the method that chooses its structure
+SEARCHES = "auto_of_two"  # the method that chooses its structure
 
 
 @contextmanager
@@ -49,13 +49,15 @@ def jacobian() -> Iterator[None]:
 
 @contextmanager
 def selection() -> Iterator[None]:
-    """The structure search judges a candidate on the half that it fitted."""
+    """The structure search judges a candidate on the part that it fitted."""
 
-    def wrong(data: Any) -> Any:
-        first, second = data.split(0.5)
-        return (first, first), (second, second)
+    def damaged(right: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        return lambda data: tuple(replace(fold, unseen=fold.estimation) for fold in right(data))
 
-    with patch.object(selecting, "_folds", wrong):
+    with (
+        patch.object(selecting, "folds", damaged(selecting.folds)),
+        patch.object(selecting, "folds_of_other_kinds", damaged(selecting.folds_of_other_kinds)),
+    ):
         yield
 
 

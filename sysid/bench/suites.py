@@ -36,6 +36,7 @@ class Suite:
     parts: tuple[Part, ...]
 
 
+SHORT = ("drawn/output_error-short", "drawn/hammerstein-short", "drawn/wiener-short")
 JOINTS = tuple(f"{kind}/{joint}" for kind in ("twin", "legs", "mismatch") for joint in ("shoulder", "thigh", "shank"))
 PHYSICAL = (
     Part(("real/emps",), ("emps_motor", "emps_joint", "emps_profile"), 1),
@@ -44,11 +45,15 @@ PHYSICAL = (
 )
 SUITES: Mapping[str, Suite] = {
     "quick": Suite(
-        "what CI compares with its baseline: under 4 minutes on two cores; 15 s a fit, which auto uses",
+        "what CI compares with its baseline: under 5 minutes on two cores; searches run to their end",
         15.0,
         (
             Part(DRAWN, (BAR, OWN), 16),
-            Part(("drawn/output_error-short", "drawn/hammerstein-short", "drawn/wiener-short"), (BAR, "auto"), 4),
+            Part(
+                tuple(f"drawn/{name}-short" for name in ("output_error", "hammerstein", "wiener")),
+                (BAR, "auto_of_two"),
+                4,
+            ),
             Part(("textbook/*",), (BAR, "hammerstein_wiener"), 2),
             Part(("twin/shoulder", "twin/thigh", "twin/shank"), ("actuated_joint",), 4),
         ),

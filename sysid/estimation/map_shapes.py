@@ -6,7 +6,7 @@ least-squares problem tells the errors that are left by a map of each shape.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 from scipy.linalg import qr
@@ -21,7 +21,6 @@ from sysid.solver.linearisation import Linearisation
 _DEGREES = (1, 2, 3)
 _PLACES = {1: 24, 2: 12, 4: 8}  # of the break points that are tried as corners, by how many corners a shape has
 _BEGUN = 3  # of them from which the corners move
-_CENTRES, _STEEP = (-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5), (-1.1, 0.0, 1.1, 2.3)  # of curves that saturate; logs
 SURE = 2.0 * np.log(20.0)  # of twice a logarithm of likelihoods: odds of 20 to 1
 _DECADES = 100.0  # from 1 of the power of a signal: others leave the range of floating point
 _WEAK = 1e-5  # of its size: how far a direction that the record does not show may go
@@ -143,13 +142,11 @@ def promise(form: Form, local: LocalMap, has_filter: bool) -> float:
 def stands_alone(form: Form, local: LocalMap) -> bool:
     """Whether what goes on otherwise beyond the record is less likely by odds of 20 to 1, whatever its parameters.
 
-    The rivals are two lines that meet and, for a curve, one that saturates. A line has none: it goes on as break points
-    do.
+    The rival is two lines that meet. A line has none: it goes on as break points do.
     """
-    rivals = [_kinked, _saturating] if isinstance(form.block, Polynomial) else [_kinked]
     if isinstance(form.block, Polynomial) and form.block.degree == 1:
         return True
-    return all(local.cost(rival(local)) - local.cost(form.errors) > SURE for rival in rivals)
+    return local.cost(_kinked(local)) - local.cost(form.errors) > SURE
 
 
 def forms(local: LocalMap, role: str) -> Iterator[Form]:
@@ -182,21 +179,6 @@ def _kinked(local: LocalMap) -> np.ndarray:
         return local.errors(columns @ local.best(columns))
 
     starts = [np.array([place]) for place in local.sharpest(_PLACES[1])]
-    begun = sorted(starts, key=lambda q: float(np.sum(errors(q) ** 2)))[:_BEGUN]
-    return np.asarray(min((least_squares(errors, q) for q in begun), key=lambda end: float(end.cost)).fun)
-
-
-def _saturating(local: LocalMap) -> np.ndarray:
-    """The least errors (m,) of a line with a tanh of the same direction."""
-
-    def errors(q: np.ndarray) -> np.ndarray:
-        columns = np.column_stack([np.ones_like(local.x), np.tanh((local.x - q[0]) * np.exp(q[1])), local.x])
-        c = local.best(columns)
-        if c[1] * c[2] < 0.0:
-            c = np.append(local.best(columns[:, :2]), 0.0)
-        return local.errors(columns @ c)
-
-    starts = [np.array(q) for q in product(_CENTRES, _STEEP)]
     begun = sorted(starts, key=lambda q: float(np.sum(errors(q) ** 2)))[:_BEGUN]
     return np.asarray(min((least_squares(errors, q) for q in begun), key=lambda end: float(end.cost)).fun)
 

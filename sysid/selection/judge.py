@@ -9,6 +9,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
 from sysid.fitting import fit as fit_model
@@ -45,6 +46,7 @@ class Job:
     deadline: float = np.inf
 
 
+_LOOK = Objective(knots=0)  # ten break points: a look ranks candidates, and finer maps cost three times the search
 _APART = 1.5  # times the residual of the other part, from which a fit gets more starts
 _MORE = (4, 8)  # times the starts
 
@@ -57,7 +59,7 @@ def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, dead
     starts, model = max(effort.starts, c.least_starts), c.model()
     if starts == 1 and isinstance(model, Chain):  # a look: the first own start, without the portfolio's screening
         point = np.array(make_starts(model, data, 1, seed))
-        return fit_chain(model, data, search=method, seed=seed, options=options, start=point)
+        return fit_chain(model, data, search=method, seed=seed, options=options, start=point, objective=_LOOK)
     fit = fit_model(model, data, search=method, starts=starts, seed=seed, options=options)
     if c.least_starts == 1 or len(data.lengths) == 1 or not isinstance(model, Chain):
         return fit

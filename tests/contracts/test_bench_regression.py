@@ -1,5 +1,7 @@
 """Comparison of two results tables: made-up changes are named with their numbers, and noise is not called a change."""
 
+from pathlib import Path
+
 import numpy as np
 import polars as pl
 import pytest
@@ -8,6 +10,7 @@ from scipy.stats import binom
 
 from sysid.base.errors import InputError
 from sysid.bench.regression import ALARM, compare
+from sysid.data.record import IOData
 
 
 @pytest.fixture
@@ -222,3 +225,15 @@ def test_what_cannot_be_judged_or_diverged_is_worse():
     verdict = compare(base.with_columns(oracle=pl.lit(77.0)), base.with_columns(oracle=pl.lit(78.0)))
     assert "run on other data" in " ".join(verdict.broken)
     assert not compare(base, base).worse
+
+
+def test_what_is_damaged_on_purpose_is_there_to_be_damaged(monkeypatch):
+    """`scripts/damaged.py` replaces functions by name; the search among fits judges each on the part that it fitted."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[2] / "scripts")
+    import damaged
+
+    data = IOData(np.random.default_rng(0).normal(size=400), np.zeros(400), 1.0)
+    for damage in damaged.DAMAGES.values():
+        with damage.put():
+            is_damaged = all(fold.unseen is fold.estimation for fold in damaged.selecting.folds(data))
+            assert is_damaged == damage.chooses

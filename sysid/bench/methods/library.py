@@ -3,6 +3,7 @@
 The bar is a search of the true structure that begins at the true parameters. It sees what no method may see.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +22,7 @@ from sysid.model.chain import Chain
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.select import select
+from sysid.selection.space import Space
 from sysid.solver.iterate import Options
 from sysid.structures import actuated_joint, hammerstein, hammerstein_wiener, nlarx, output_error, wiener
 from sysid.structures.wiener_hammerstein import wiener_hammerstein
@@ -101,6 +103,15 @@ def auto(data: Data) -> LibraryModel:
     return LibraryModel(selection.fit, signals, str(selection.chosen.candidate), selection.cut)
 
 
+def auto_of_two(data: Data) -> LibraryModel:
+    """The search of linear and Hammerstein models, to its end: its result does not depend on the machine's speed."""
+    signals = record(data)
+    maps = ("unit_gain", "piecewise_linear")
+    space = Space((1, 2, 4), (1, 2, 4), (0, 1, 2), maps, maps, 1, 2, ("output_error", "hammerstein"), grows=False)
+    selection = select(signals, space, seed=data.seed, jobs=1, seconds=math.inf)
+    return LibraryModel(selection.fit, signals, str(selection.chosen.candidate), selection.cut)
+
+
 def from_truth(data: Data, task: Task) -> LibraryModel:
     """The optimum near the truth. Raises InputError for a scenario whose plant is no chain."""
     truth = task.truth
@@ -127,6 +138,7 @@ METHODS = (
     ),
     FunctionMethod("actuated_joint", "motor, stops and linkage", fit_method(lambda *_: actuated_joint())),
     FunctionMethod("auto", "structure search without orders", auto),
+    FunctionMethod("auto_of_two", "search of output error and Hammerstein, to its end", auto_of_two),
 )
 FROM_TRUTH = FunctionMethod(
     "from_truth", "the true structure, begun at the truth: the bar", from_truth, sees_truth=True
