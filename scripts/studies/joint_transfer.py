@@ -1,24 +1,27 @@
 """What a joint of a drawn leg loses on a sweep that it has not seen, and on another kind of input.
 
-    python scripts/study.py joint_transfer [--seeds 0:8] [--joints shoulder,thigh,shank] [--stairs]
+    python scripts/study.py joint_transfer [--seeds 0:8] [--joints shoulder,thigh,shank] [--record designed]
 
-Legs are those of `drawn_joints`. A joint is estimated from one sweep of 125 s at 0.1 s (`--stairs`: and from slow
-stairs), by growth and with all parts at once (`sysid.joint_posterior`). Its free run is compared with the noise
-ceiling on a fresh sweep, and on levels and times drawn at random over the whole supply (aprbs). "found" are joints
-within 0.5 points, "band" the share of unseen samples that the 95 % band of the free run holds, on the mean and on the
-worst joint. Values: how many are told, how many of these are near the truth, and how many intervals hold it.
+Legs are those of `drawn_joints`. A joint is estimated from one sweep of 125 s at 0.1 s, from this and slow stairs
+(`--record stairs`), or from the record that is designed on the sweep (`--record designed`), by growth and with all
+parts at once (`sysid.joint_posterior`). Its free run is compared with the noise ceiling on a fresh sweep, and on levels
+and times drawn at random over the whole supply (aprbs). "found" are joints within 0.5 points, "band" the share of
+unseen samples that the 95 % band of the free run holds, on the mean and on the worst joint. Values: how many are told,
+how many of these are near the truth, and how many intervals hold it.
 """
 
 import argparse
 import time
 
 import numpy as np
+from design_loop import designed_record
 from drawn_joints import DURATION, TS, below_ceiling, leg, records
 from study import Row, Study, words
 
 import twin
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.design import design
 from sysid.joint.growth import grow_joint
 from sysid.joint.posterior import joint_posterior
 from sysid.joint.values import joint_values
@@ -40,7 +43,12 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     joint, seed = case
     p = leg(joint, seed)
     data, fresh = records(joint, seed, p)
-    data = data if options.stairs else data.experiments[0]
+    if options.record != "stairs":
+        data = data.experiments[0]
+    if options.record == "designed":
+        plain = actuated_joint(play=False, driver_step=drive(p, joint).step)
+        first = joint_posterior(data, plain, seed=seed)
+        data = designed_record(design(first, data, to_stops=True), joint, 3 * seed + 4, p)
     amplitude = {"amplitude": p["supply_voltage"]}
     other = twin.Experiment(joint, "aprbs", DURATION, TS, 3 * seed + 3, (), p, amplitude).run()
     row: Row = {"joint": joint, "seed": seed}
@@ -97,6 +105,10 @@ STUDY = Study(
     seeds="0:8",
     options={
         "--joints": {"type": words, "default": ["shoulder", "thigh", "shank"]},
-        "--stairs": {"action": "store_true", "help": "estimate from slow stairs beside the sweep"},
+        "--record": {
+            "default": "sweep",
+            "choices": ("sweep", "stairs", "designed"),
+            "help": "what is fitted",
+        },
     },
 )
