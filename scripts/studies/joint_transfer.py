@@ -24,10 +24,10 @@ from sysid.estimation.result import Fit
 from sysid.joint.design import design
 from sysid.joint.growth import grow_joint
 from sysid.joint.posterior import joint_posterior
+from sysid.joint.transfer import joint_information
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
-from sysid.uncertainty.bands import linear
-from sysid.uncertainty.information import information
+from sysid.uncertainty.bands import monte_carlo
 from twin.hardware.actuator import drive
 from twin.studies.beyond import aim, twin_truth
 
@@ -56,10 +56,10 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         start = time.process_time()
         fit = way(data, actuated_joint(play=False, driver_step=drive(p, joint).step), seed)
         row[name] = {"seconds": time.process_time() - start}
-        info = information(fit, data, lags="auto")
+        info = joint_information(fit, data)
         for kind, log in zip(KINDS, (fresh, other), strict=True):
             row[name][kind] = below_ceiling(fit, log)
-            band = linear(info, log.io(), level=0.95, noise=True)
+            band = monte_carlo(info, log.io(), noise=True, draws=200)
             held = (band.lower <= log.y) & (log.y <= band.upper)
             row[name][f"held, {kind}"] = float(np.mean(held[fit.n_init :]))
         row[name]["values"] = values_of(fit, data, joint, p)

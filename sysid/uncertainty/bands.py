@@ -5,7 +5,7 @@ measurement noise, so they cover a new measurement.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.estimation.free_run import resting_theta
-from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.initial_state import estimate_initial, filters_only
 from sysid.uncertainty.information import Information
 
 Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -77,7 +77,8 @@ def monte_carlo(
 ) -> OutputBand:
     """The same from `draws` models drawn from the covariance along identifiable directions; needs no linearity.
 
-    Memory grows with draws x N. The initial state of another record follows each draw to first order.
+    Memory grows with draws x N. The initial state of another record follows each draw to first order. A draw beyond a
+    bound lies on it.
     """
     if draws < 20:
         raise InputError(f"draws is {draws}; give at least 20, or several hundred for a smooth band")
@@ -85,13 +86,13 @@ def monte_carlo(
     record, level_of = _levels(info, record)
     with one_blas_thread():
         theta, u, T, S = _sensitivity(info, record, n_init)
-        follow = _follow(info, theta, u, S)
+        follow = _follow(info, theta, record, S)
         outputs = []
         for _ in range(draws):
             spread = 1.0 if not np.isfinite(info.dof) else np.sqrt(info.dof / rng.chisquare(info.dof))
             step = spread * (info.factor @ rng.standard_normal(info.factor.shape[1]))
             e = np.sqrt(info.noise_variance) * rng.standard_normal(S.shape[1])
-            drawn = follow(step, e)
+            drawn = np.clip(follow(step, e), *info.chain.limits)
             y = info.chain.simulate(drawn, u) if info.chain.admissible(drawn) else np.full(len(u), np.nan)
             if np.all(np.isfinite(y)):
                 outputs.append(y + noise * np.sqrt(info.noise_variance) * rng.standard_normal(len(u)))
@@ -155,13 +156,25 @@ def _sensitivity(
     return theta, u, J, np.zeros((len(u), 0))
 
 
-def _follow(info: Information, theta: np.ndarray, u: np.ndarray, S: np.ndarray) -> Follow:
-    """A function (step, e) -> drawn theta; its initial state follows the step as a fitted one does."""
+def _follow(info: Information, theta: np.ndarray, record: IOData | np.ndarray | None, S: np.ndarray) -> Follow:
+    """A function (step, e) -> drawn theta; its initial state follows the step as a fitted one does.
+
+    States of filters are linear in it; others, as the place of a joint within its backlash, are fitted again.
+    """
     chain, initial, n = info.chain, info.chain.initial, S.shape[1]
     same = theta is info.theta
-    if n == 0:
+    if n == 0 or not isinstance(record, IOData):
         return lambda step, e: theta + (step if same else np.where(initial, 0.0, step))
-    X = chain.tangent(theta, u[:n])[1]
+    beginning = record.select(0, n)
+    if not filters_only(chain):
+        low, high = chain.limits
+
+        def fitted(step: np.ndarray, e: np.ndarray) -> np.ndarray:
+            drawn = np.clip(theta + np.where(initial, 0.0, step), low, high)
+            return estimate_initial(chain, drawn, replace(beginning, y=beginning.y + e[:, None]))
+
+        return fitted
+    X = chain.tangent(theta, beginning.u[:, 0])[1]
     inverse = np.linalg.pinv(X[:, initial], rcond=1e-9)
 
     def drawn(step: np.ndarray, e: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.growth import grow_joint
 from sysid.joint.posterior import joint_posterior
+from sysid.joint.transfer import joint_band
 from sysid.joint.values import joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
@@ -250,9 +251,11 @@ def _uncertainty(
     fit: Fit, estimation: IOData, validation: IOData, coloured: bool
 ) -> tuple[tuple[Root, ...] | None, OutputBand | None]:
     """Poles with intervals that allow for coloured residuals, and the band of the validation run; None without one."""
-    if not fit.model.dynamics:
-        return None, None
     try:
+        if fit.prior is not None and len(validation.experiments) == 1:
+            return None, joint_band(fit, estimation, validation)
+        if not fit.model.dynamics:
+            return None, None
         info = information(fit, estimation, lags="auto" if coloured else None)
         roots = intervals.poles(info)
         free_run = not fit.predicts and motion(fit.poles) != Motion.UNSTABLE and len(validation.experiments) == 1
