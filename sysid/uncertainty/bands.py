@@ -92,7 +92,7 @@ def monte_carlo(
             spread = 1.0 if not np.isfinite(info.dof) else np.sqrt(info.dof / rng.chisquare(info.dof))
             step = spread * (info.factor @ rng.standard_normal(info.factor.shape[1]))
             e = np.sqrt(info.noise_variance) * rng.standard_normal(S.shape[1])
-            drawn = np.clip(follow(step, e), *info.chain.limits)
+            drawn = follow(np.clip(theta + step, *info.chain.limits) - theta, e)
             y = info.chain.simulate(drawn, u) if info.chain.admissible(drawn) else np.full(len(u), np.nan)
             if np.all(np.isfinite(y)):
                 outputs.append(y + noise * np.sqrt(info.noise_variance) * rng.standard_normal(len(u)))
@@ -167,10 +167,9 @@ def _follow(info: Information, theta: np.ndarray, record: IOData | np.ndarray | 
         return lambda step, e: theta + (step if same else np.where(initial, 0.0, step))
     beginning = record.select(0, n)
     if not filters_only(chain):
-        low, high = chain.limits
 
         def fitted(step: np.ndarray, e: np.ndarray) -> np.ndarray:
-            drawn = np.clip(theta + np.where(initial, 0.0, step), low, high)
+            drawn = theta + np.where(initial, 0.0, step)
             return estimate_initial(chain, drawn, replace(beginning, y=beginning.y + e[:, None]))
 
         return fitted
