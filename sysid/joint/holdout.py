@@ -56,7 +56,7 @@ def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> H
     errors, chunks, outputs, chunk_count = [], [], [], 0
     with one_blas_thread(), np.errstate(all="ignore"):
         for fold in pair:
-            fold_theta = refit(chain, theta, fold.estimation, _ITERATIONS)
+            fold_theta = refit(chain, theta, fold.estimation)
             is_judged, y = fold.judged, fold.unseen.y[:, 0]
             run = np.concatenate([_free_run(chain, fold_theta, e) for e in fold.unseen.experiments])
             length = max(1, round(sum(f.unseen.N for f in pair) / _CHUNKS))
@@ -69,9 +69,11 @@ def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> H
     return HoldoutErrors(e, np.concatenate(chunks), float(np.std(np.concatenate(outputs))))
 
 
-def refit(chain: Chain, theta: np.ndarray, data: IOData, iterations: int, prior: Prior | None = None) -> np.ndarray:
+def refit(chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = None) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
-    context = SearchContext(chain, data, Objective(prior=prior), "lm", Options(max_iterations=iterations).begun(), None)
+    context = SearchContext(
+        chain, data, Objective(prior=prior), "lm", Options(max_iterations=_ITERATIONS).begun(), None
+    )
     rows = [
         estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, INITIAL_SAMPLES)))
         for e in data.experiments

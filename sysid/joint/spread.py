@@ -32,7 +32,6 @@ END_REACH = 0.01  # of the travel: how far an end may lie from the rests against
 TIME_DEVIATION = 0.1  # of a sample: the same of a time
 DELAY_SHARE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
 _STEP = 1e-6
-_ITERATIONS = 8  # of the fit to a part of the record: it begins at the optimum of the whole
 END_DEVIATION = (
     0.005  # of the travel: standard uncertainty of an end, by the side of the backlash on which the link rests
 )
@@ -112,7 +111,7 @@ def spread_of(fit: Fit, data: IOData, level: float, halves: bool = True) -> Spre
 
 def _refit_fold(fit: Fit, part: IOData) -> np.ndarray:
     with one_blas_thread(), np.errstate(all="ignore"):
-        return refit(fit.model, fit.theta, part, _ITERATIONS, fit.prior)
+        return refit(fit.model, fit.theta, part, fit.prior)
 
 
 def structural_deviation(name: str, value: float, travel: float, Ts: float, dry: float) -> float:

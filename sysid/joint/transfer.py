@@ -21,7 +21,6 @@ from sysid.selection.folds import folds_of_other_kinds
 from sysid.uncertainty.bands import OutputBand, monte_carlo
 from sysid.uncertainty.information import Information, information
 
-_ITERATIONS = 8  # of the fit to a part of the record: it begins at the optimum of the whole
 _DRAWS = 200
 
 
@@ -38,7 +37,7 @@ def joint_information(fit: Fit, data: IOData) -> Information:
     changes = np.zeros((len(info.theta), len(parts)))
     with one_blas_thread(), np.errstate(all="ignore"):
         for k, part in enumerate(parts):
-            changes[info.own, k] = refit(fit.model, fit.theta, part, _ITERATIONS, fit.prior) - fit.theta
+            changes[info.own, k] = refit(fit.model, fit.theta, part, fit.prior) - fit.theta
     changes[info.chain.initial] = 0.0  # a part begins elsewhere
     return replace(info, factor=np.hstack([info.factor, changes / np.sqrt(len(parts))]))
 

@@ -252,10 +252,9 @@ def _uncertainty(
 ) -> tuple[tuple[Root, ...] | None, OutputBand | None]:
     """Poles with intervals that allow for coloured residuals, and the band of the validation run; None without one."""
     try:
-        if fit.prior is not None and len(validation.experiments) == 1:
-            return None, joint_band(fit, estimation, validation)
         if not fit.model.dynamics:
-            return None, None
+            is_banded = fit.prior is not None and len(validation.experiments) == 1
+            return None, joint_band(fit, estimation, validation) if is_banded else None
         info = information(fit, estimation, lags="auto" if coloured else None)
         roots = intervals.poles(info)
         free_run = not fit.predicts and motion(fit.poles) != Motion.UNSTABLE and len(validation.experiments) == 1
