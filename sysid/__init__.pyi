@@ -43,8 +43,7 @@ from .diagnosis.residuals import residual_tests as residual_tests
 from .estimation.fit_from import fit_from as fit_from
 from .estimation.objective import Objective as Objective
 from .estimation.result import Fit as Fit
-from .joint.growth import grow_joint as grow_joint
-from .joint.posterior import joint_posterior as joint_posterior
+from .joint.posterior import fit_joint as fit_joint
 from .joint.values import joint_values as joint_values
 from .model.chain import Chain as Chain
 from .fitting import fit as fit

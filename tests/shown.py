@@ -5,8 +5,8 @@ from functools import cache
 import numpy as np
 
 import sysid
-from sysid.joint.growth import Growth
-from sysid.joint.rounds import Step
+from sysid.joint.parts import PartEvidence
+from sysid.joint.posterior import JointFit
 from sysid.systems import system
 
 NAME = "<b>volt & more</b>"  # a column may be called anything
@@ -35,10 +35,10 @@ def network():
 
 
 @cache
-def growth():
-    steps = (
-        Step(0, "stribeck", -100.0, 50.0, True),
-        Step(0, "loss", -40.0, -10.0, False),
-        Step(1, "plays", -101.0, 1.0, False),
+def joint_fit():
+    parts = (
+        PartEvidence("motor.stick", "more friction at rest than in motion, upward", "V", 0.5, 0.1, 0.3, 0.3, 1e4),
+        PartEvidence("motor.loss", "friction proportional to the load", "", 0.0, 0.01, 0.2, 0.3, 0.02),
+        PartEvidence("play.width", "backlash", "rad", 0.01, 0.02, 0.0, 0.015, 1.1),
     )
-    return Growth(linear(), -50.0, steps, warnings=("one", "two", "three", "four"))
+    return JointFit(linear(), "both", parts, 1, 4, warnings=("one", "two", "three", "four"))

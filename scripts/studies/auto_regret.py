@@ -6,7 +6,7 @@
 Twin: 2 x 125 s of each joint under each excitation, all imperfections on; the search sees the first half, and free runs
 over the second half judge it. Real records, instead of the twin's, with --data: their official parts, signals from
 their own zero. The regret is the fit of the best other model less that of the search's: every structure by its defaults
-and by its best row in the search's table, fitted alone to the estimation part (a joint also grown part by part).
+and by its best row in the search's table, fitted alone to the estimation part (a joint also with all parts).
 """
 
 import argparse
@@ -25,7 +25,7 @@ from sysid.base.errors import InputError
 from sysid.bench.scenarios.real import RECORDS
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.model.recipes import Recipe
 from sysid.selection.judge import AnyFit, Effort, fitted
 from sysid.structures import TABLE, NonlinearArx
@@ -80,8 +80,8 @@ def fit_alternatives(
         data = c.scale(estimation)
         try:
             percents[str(c)] = test_fit(c, fitted(c, data, "auto", 0, FULL), tests, first)[0]
-            if c.grown and data.N < 5000:
-                percents[f"{c} grown"] = test_fit(c, grow_joint(data, c.model()).fit, tests, first)[0]
+            if c.with_parts and data.N < 5000:
+                percents[f"{c} with parts"] = test_fit(c, fit_joint(data, c.model()).fit, tests, first)[0]
         except InputError:
             percents[str(c)] = -np.inf
     return percents

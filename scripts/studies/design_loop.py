@@ -24,7 +24,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.joint.design import Design, design
-from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.posterior import JointFit, fit_joint
 from sysid.joint.values import JointValue, joint_values
 from sysid.structures import actuated_joint
 from twin.bench.families import sweep
@@ -49,9 +49,9 @@ def designed_record(d: Design, joint: str, seed: int, p: Parameters) -> IOData:
     return experiment.record(run, step([run], d.Ts, SETTLE)[0]).io()
 
 
-def grow(data: IOData, joint: str, p: Parameters) -> Growth:
+def joint_of(data: IOData, joint: str, p: Parameters) -> JointFit:
     """The joint of a record, with the driver's step from the data sheet."""
-    return grow_joint(data, actuated_joint(play=False, driver_step=drive(p, joint).step), starts=2)
+    return fit_joint(data, actuated_joint(play=False, driver_step=drive(p, joint).step), starts=2)
 
 
 def value_text(value: JointValue | None) -> str:
@@ -69,14 +69,14 @@ def nominal_table(joint: str, seed: int, figure: Path | None) -> str:
     """The table of the nominal leg; its figure is drawn."""
     p = Parameters()
     first = first_record(joint, seed, p)
-    fit = grow(first, joint, p).fit
+    fit = joint_of(first, joint, p).fit
     d = design(fit, first, to_stops=True)
     second = designed_record(d, joint, seed + 1, p)
     half = second.split(0.5)[0]
     linearity = p["pot_linearity"] * p["pot_range"]
     columns = [
         {v.name: v for v in joint_values(fit, data=first, linearity=linearity)},
-        {v.name: v for v in joint_values(grow(half, joint, p).fit, data=half, linearity=linearity)},
+        {v.name: v for v in joint_values(joint_of(half, joint, p).fit, data=half, linearity=linearity)},
     ]
     true = twin_truth(joint, d.Ts, p)
     lines = [f"first {FIRST:.0f} s, designed {d.duration:.0f} s; in brackets without interval: not determined"]
@@ -121,18 +121,18 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     p = leg(joint, seed)
     first = first_record(joint, 3 * seed, p)
     try:
-        d = design(grow(first, joint, p).fit, first, to_stops=True)
+        d = design(joint_of(first, joint, p).fit, first, to_stops=True)
     except InputError as error:
         return {"joint": joint, "refused": str(error)}
     data = designed_record(d, joint, 3 * seed + 1, p)
     start = time.process_time()
-    growth = grow(data, joint, p)
-    fit = growth.fit
+    found = joint_of(data, joint, p)
+    fit = found.fit
     fresh = twin.Experiment(joint, "sweep", FIRST, d.Ts, 3 * seed + 2, (), p, sweep(joint, p, "voltage")).run()
     assert fresh.y_true is not None
     gap = fit_percent(fresh.y[fit.n_init :], fresh.y_true[fit.n_init :]) - fit.fit_percent(fresh.io())
     row = {"joint": joint, "seed": seed, "gap": gap, "seconds": time.process_time() - start}
-    row |= {"samples": len(d.u), "Ts": d.Ts, "parts": list(growth.parts), "warnings": list(growth.warnings)}
+    row |= {"samples": len(d.u), "Ts": d.Ts, "parts": list(found.shown), "warnings": list(found.warnings)}
     return row | {"values": compare_values(joint, p, data, fit)}
 
 

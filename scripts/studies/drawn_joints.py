@@ -21,7 +21,7 @@ import twin
 from sysid.base.criteria import fit_percent
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
 from twin.bench.families import sweep
@@ -67,11 +67,11 @@ def records(joint: str, seed: int, p: Parameters) -> tuple[IOData, Any]:
     return IOData.merge(*parts), twin.Experiment(joint, "sweep", DURATION, TS, 3 * seed + 2, (), p, options).run()
 
 
-def grow(joint: str, seed: int) -> tuple[Parameters, IOData, Fit, float]:
+def joint_of(joint: str, seed: int) -> tuple[Parameters, IOData, Fit, float]:
     """The leg, its record, the fit, and the points by which a free run over a fresh record misses the ceiling."""
     p = leg(joint, seed)
     data, fresh = records(joint, seed, p)
-    fit = grow_joint(data, actuated_joint(play=False, driver_step=drive(p, joint).step), starts=2, seed=seed).fit
+    fit = fit_joint(data, actuated_joint(play=False, driver_step=drive(p, joint).step), starts=2, seed=seed).fit
     return p, data, fit, below_ceiling(fit, fresh)
 
 
@@ -92,7 +92,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     """The joint of one drawn leg: points below the ceiling, seconds of computation, and its values by name."""
     joint, seed = case
     start = time.process_time()
-    p, data, fit, gap = grow(joint, seed)
+    p, data, fit, gap = joint_of(joint, seed)
     values = compare_values(joint, p, data, fit)
     return {"joint": joint, "seed": seed, "gap": gap, "seconds": time.process_time() - start, "values": values}
 

@@ -5,7 +5,7 @@
 Fit: 2 x 125 s of the paper's sweep, and of one whose times and levels are drawn, estimated on the first half and run
 free over the second; with --lead also how far the paper's structure stays behind. Values: 125 s each of the paper's
 sweep, of a drawn one and of slow stairs of 7 V, fitted as three experiments: sweeps show ends and speeds, the stairs
-what voltage starts the joint. The joint grows part by part (`sysid.joint.growth`); how fine the bridge is and how
+what voltage starts the joint. The joint is that of `sysid.fit_joint`; how fine the bridge is and how
 straight the potentiometer stand in their data sheets.
 The thigh's weight holds its link against one side of the play, so its backlash is looked for once more with the leg
 laid on its side, where nothing pulls.
@@ -21,7 +21,7 @@ import twin
 from sysid.base.criteria import fit_percent
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
-from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.posterior import JointFit, fit_joint
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
 from twin.hardware.actuator import drive
@@ -46,10 +46,10 @@ WANTED = (
 )
 
 
-def grow(data: IOData, joint: str, seed: int) -> Growth:
+def joint_of(data: IOData, joint: str, seed: int) -> JointFit:
     """The joint that the record bears out."""
     step = drive(twin.Parameters(), joint).step
-    return grow_joint(data, actuated_joint(play=False, driver_step=step), seed=seed)
+    return fit_joint(data, actuated_joint(play=False, driver_step=step), seed=seed)
 
 
 def gaps(joint: str, seed: int, lead: bool) -> list[float]:
@@ -58,7 +58,7 @@ def gaps(joint: str, seed: int, lead: bool) -> list[float]:
     differences = []
     for log in (twin.Experiment(joint, "sweep", seed=seed).run(), irregular(joint, seed, 250.0, 0.1)):
         estimation, validation = log.io().split(0.5)
-        fit = grow(estimation, joint, seed).fit
+        fit = joint_of(estimation, joint, seed).fit
         assert log.y_true is not None
         samples = slice(estimation.N + fit.n_init, None)
         percent = fit.fit_percent(validation)
@@ -79,7 +79,7 @@ def values_of(joint: str, seed: int, kind: str) -> dict[str, tuple[bool, bool, f
         parts.append(twin.Experiment(joint, excitation, 125.0, seed=seed, parameters=p, options=settings).run().io())
     data = IOData.merge(*parts)
     linearity = p["pot_linearity"] * p["pot_range"]
-    values = {v.name: v for v in joint_values(grow(data, joint, seed).fit, data=data, linearity=linearity)}
+    values = {v.name: v for v in joint_values(joint_of(data, joint, seed).fit, data=data, linearity=linearity)}
     true, out = twin_truth(joint, data.Ts, p), {}
     for name in WANTED:
         if name not in values:

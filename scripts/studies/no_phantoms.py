@@ -1,4 +1,4 @@
-"""End stops and backlash that growth gives to records that have none.
+"""End stops and backlash that a fit shows of records that have none.
 
     python scripts/study.py no_phantoms [--seeds 0:40]
 
@@ -16,7 +16,7 @@ from study import Study, words
 from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.excitations import Sweep
-from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.posterior import JointFit, fit_joint
 from sysid.structures import actuated_joint
 
 TS, N, FINE = 0.1, 1000, 200  # [s], samples, Euler steps a sample
@@ -82,11 +82,11 @@ def record(kind: str, seed: int) -> IOData:
     return IOData(u, y + noise * np.ptp(y) * rng.normal(size=N), TS, y_unit="rad")
 
 
-def phantoms(kind: str, growth: Growth) -> str:
-    """What the growth has that the record has not, "" if nothing."""
+def phantoms(kind: str, joint: JointFit) -> str:
+    """What the joint shows that the record has not, "" if nothing."""
     if kind != "ends":
-        return "" if growth.ends in ("none", "straight") else f"stops: {growth.ends}"
-    return ", ".join(part for part in growth.parts if part in ("plays", "coasts"))
+        return "" if joint.ends in ("none", "straight") else f"stops: {joint.ends}"
+    return ", ".join(name for name in joint.shown if name == "play.width")
 
 
 def cases(options: argparse.Namespace) -> list[tuple[str, int]]:
@@ -96,12 +96,12 @@ def cases(options: argparse.Namespace) -> list[tuple[str, int]]:
 
 
 def score(case: tuple[str, int], options: argparse.Namespace) -> dict[str, Any]:
-    """What a growth has that its record has not, and how the growth went."""
+    """What a joint shows that its record has not, and how its search went."""
     data = record(*case)
-    growth = grow_joint(data, starts=2)
-    fit = growth.fit.fit_percent(data)
-    facts = {"parts": list(growth.parts), "fit": fit, "warnings": list(growth.warnings)}
-    return {"phantoms": phantoms(case[0], growth), **facts}
+    joint = fit_joint(data)
+    fit = joint.fit.fit_percent(data)
+    facts = {"parts": list(joint.shown), "fit": fit, "warnings": list(joint.warnings)}
+    return {"phantoms": phantoms(case[0], joint), **facts}
 
 
 def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:

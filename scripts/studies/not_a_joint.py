@@ -20,7 +20,7 @@ from study import Study, words
 
 from sysid.data.record import IOData
 from sysid.excitations import Aprbs, Multisine, Prbs, Sweep
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.joint.verdict import verdict
 
 N, TS = 1250, 0.1
@@ -228,7 +228,7 @@ def score(case: tuple[str, Any], options: argparse.Namespace) -> dict[str, Any]:
         name, data = leg(key)
     else:
         name, data = f"{kind} {key}", public(Path(options.data))[key] if kind == "public" else draw_record(kind, key)
-    v = verdict(grow_joint(data), data)
+    v = verdict(fit_joint(data), data)
     general = f", {v.general} {v.general_seen:.1f} / {v.general_unseen:.1f}" if v.general else ""
     shares = f"friction {v.friction:.3f}, spring {v.spring:.2f}"
     figures = f"joint {v.seen:.1f} / {max(v.unseen, -999.0):.1f}, {shares}{general}; {v.reason}"

@@ -1,6 +1,6 @@
 """Drawn servo joints: goal to angle fitted on one half of each record, run freely over the other.
 
-    python scripts/study.py servo_joints [--seeds 0:50] [--draw 0] [--grown]
+    python scripts/study.py servo_joints [--seeds 0:50] [--draw 0] [--all-parts]
 
 Every joint is drawn from the seed: motor, friction with Stribeck curve, pendulum, backlash, P or PD loop at 1 kHz with
 saturation and a quantised encoder, transport delay, noise. It is simulated here in steps of 0.1 ms, by none of the
@@ -20,7 +20,7 @@ import sysid
 from sysid import IOData
 from sysid.base.criteria import fit_percent
 from sysid.blocks import ServoMotor
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.structures import servo_joint
 
 STEP = 1e-4  # s
@@ -161,8 +161,8 @@ def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
     half = data.N // 2
     train, test = data.select(0, half), data.select(half, data.N)
     start = time.perf_counter()
-    chain = model(joint, play=not options.grown)
-    fit = grow_joint(train, chain).fit if options.grown else sysid.fit(chain, train, search="lm", starts=4)
+    chain = model(joint, play=not options.all_parts)
+    fit = fit_joint(train, chain).fit if options.all_parts else sysid.fit(chain, train, search="lm", starts=4)
     seconds = time.perf_counter() - start
     ceiling = fit_percent(test.y, truth[half:, None])
     percents = {"fit": fit.fit_percent(test), "ceiling": ceiling, "train": fit.fit_percent(train)}
@@ -196,7 +196,7 @@ STUDY = Study(
     seeds="0:50",
     options={
         "--draw": {"type": int, "default": 0, "help": "seed of all joints, beside the number of each"},
-        "--grown": {"action": "store_true", "help": "grow the joint part by part"},
+        "--all-parts": {"action": "store_true", "help": "all parts at once, by `sysid.fit_joint`"},
     },
     line=line,
 )

@@ -2,7 +2,7 @@
 
     python scripts/study.py write_back [--seeds 1:6] [--servo FOLDER]
 
-A joint grows with the parts that MJCF has; RMS and largest difference are shares of the stroke. FOLDER holds the logs
+A joint has the parts that MJCF has; RMS and largest difference are shares of the stroke. FOLDER holds the logs
 of an XL330 with a pendulum (see `sysid.bench.scenarios.real`); its motor is solved in eight parts a sample, since a
 load that changes within a sample is otherwise held for it.
 """
@@ -39,8 +39,8 @@ def score(case: tuple[str, Any], options: argparse.Namespace) -> dict[str, Any]:
         fit, parts, name = sysid.fit(chain, data, search="lm", starts=4, seed=0), (), f"servo {gain} {trajectory}"
     else:
         data = twin.Experiment(joint=joint, excitation="aprbs", duration=120.0, Ts=0.1, seed=key).run().io()
-        growth = sysid.grow_joint(data, parts=PARTS)
-        fit, parts, name = growth.fit, growth.parts, f"{joint} {key}"
+        joint = sysid.fit_joint(data, parts=PARTS)
+        fit, parts, name = joint.fit, joint.shown, f"{joint} {key}"
     result = check(fragment(fit, "joint", 1.0), fit, data)
     row = {"name": name, "parts": ", ".join(parts), "fit": fit.fit_percent(data)}
     return row | {"rms": 100 * result.share, "worst": 100 * result.worst}

@@ -12,7 +12,7 @@ MODULES = {
     "IOData": "results",
     "Fit": "fits",
     "NlarxFit": "fits",
-    "Growth": "results",
+    "JointFit": "results",
     "Selection": "results",
     "Comparison": "results",
     "ResidualTests": "results",

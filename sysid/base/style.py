@@ -168,22 +168,16 @@ def legend(axes: Axes, **kwargs) -> None:
     legend_above(axes, [once[name] for name in names], names, **kwargs)
 
 
-def log_axis(axes: Axes, which: str = "xy", linear_below: float | None = None) -> None:
-    """Makes the axes named in `which`, "x", "y" or "xy", logarithmic.
-
-    With `linear_below`, an axis that is linear between -linear_below and linear_below, and logarithmic outside.
-    """
+def log_axis(axes: Axes, which: str = "xy") -> None:
+    """Makes the axes named in `which`, "x", "y" or "xy", logarithmic."""
     formatter = _formatter()
     for each, scaled in (("x", axes.set_xscale), ("y", axes.set_yscale)):
         if each not in which:
             continue
-        if linear_below is None:
-            scaled("log")
-        else:
-            scaled("symlog", linthresh=linear_below)
+        scaled("log")
         axis = axes.xaxis if each == "x" else axes.yaxis
-        axis.set_major_formatter(formatter(linthresh=linear_below))
-        axis.set_minor_formatter(formatter(linthresh=linear_below, minor_thresholds=(1.0, 0.4)))
+        axis.set_major_formatter(formatter())
+        axis.set_minor_formatter(formatter(minor_thresholds=(1.0, 0.4)))
 
 
 def power(value: float) -> str:

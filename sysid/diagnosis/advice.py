@@ -164,7 +164,7 @@ def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Wh
         "a linear model cannot describe it: fit a model with end stops if a motor moves this, else one whose output "
         "map saturates",
         "note",
-        call="sysid.grow_joint(data).fit",
+        call="sysid.fit_joint(data).fit",
         command=("identify", "--structure", "actuated_joint"),
     )
 

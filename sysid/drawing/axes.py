@@ -105,7 +105,7 @@ def _set_axes(ax: Axes, panel: Panel, view: View | None) -> None:
         note = note or view.note
     for which, axis in (("x", panel.x), ("y", panel.y)):
         if axis.log:
-            log_axis(ax, which, axis.linear_below)
+            log_axis(ax, which)
         if axis.limits is not None and view is None:
             (ax.set_xlim if which == "x" else ax.set_ylim)(*axis.limits)
         if axis.ticks:
@@ -195,9 +195,8 @@ def _stems(ax: Axes, item: Stems) -> None:
 
 def _bars(ax: Axes, item: Bars) -> None:
     label = _label(item)
-    for place, (length, colour, is_filled, is_hatched) in enumerate(item.rows()):
-        look: dict[str, Any] = {"color": colour if is_filled else "none", "edgecolor": colour, "linewidth": 1.0}
-        ax.barh(place + item.shift, length, item.width, hatch="////" if is_hatched else "", label=label, **look)
+    for place, (length, colour) in enumerate(item.rows()):
+        ax.barh(place + item.shift, length, item.width, color=colour, edgecolor=colour, label=label)
         label = None
     for place, (length, note) in enumerate(zip(item.lengths, item.notes, strict=False)):
         ax.annotate(note, (length, place + item.shift), (4, 0), textcoords="offset points", va="center", fontsize=8.5)

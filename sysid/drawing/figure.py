@@ -25,18 +25,16 @@ Limits = tuple[float, float]
 class Axis:
     """One axis: its label with the unit, and the name and the unit alone for a hover.
 
-    `log` is logarithmic, and linear between ±`linear_below` where that is given. `limits` are the first limits, which
-    must not cut off anything for good: a zoomable figure shows `whole` instead, where that is given. `near` is the
-    range of the data where a run leaves them far: a picture is linear over it and logarithmic beyond, a zoomable figure
-    opens on it. `ticks` are the places of numbers; `names` stand at the places 0, 1, ...
-    from the top. A `tight` one ends where the data end.
+    `log` is logarithmic. `limits` are the first limits, which must not cut off anything for good: a zoomable figure
+    shows `whole` instead, where that is given. `near` is the range of the data where a run leaves them far: a picture
+    is linear over it and logarithmic beyond, a zoomable figure opens on it. `ticks` are the places of numbers; `names`
+    stand at the places 0, 1, ... from the top. A `tight` one ends where the data end.
     """
 
     label: str = ""
     name: str = ""
     unit: str = ""
     log: bool = False
-    linear_below: float | None = None
     limits: Limits | None = None
     whole: Limits | None = None
     near: Limits | None = None
@@ -129,7 +127,7 @@ class Stems:
 
 @dataclass(frozen=True)
 class Bars:
-    """Horizontal bars at the names of the vertical axis: empty ones where not `filled`, `hatched` where so.
+    """Horizontal bars at the names of the vertical axis.
 
     `notes` stand beside the bars, `texts` in the hover; `shift` moves the bars down by a part of their distance.
     """
@@ -137,21 +135,16 @@ class Bars:
     lengths: Sequence[float]
     label: str = ""
     colours: Sequence[str] = (style.MODEL,)
-    filled: Sequence[bool] = (True,)
-    hatched: Sequence[bool] = (False,)
     notes: Sequence[str] = ()
     texts: Sequence[str] = ()
     width: float = 0.6
     shift: float = 0.0
     key: bool = True
 
-    def rows(self) -> list[tuple[float, str, bool, bool]]:
-        """Length, colour, filled and hatched of each bar; the last entry of a short list counts for the rest."""
+    def rows(self) -> list[tuple[float, str]]:
+        """Length and colour of each bar; the last colour of a short list counts for the rest."""
         n = len(self.lengths)
-        columns = (
-            [*entries, *[entries[-1]] * (n - len(entries))] for entries in (self.colours, self.filled, self.hatched)
-        )
-        return list(zip(self.lengths, *columns, strict=True))
+        return list(zip(self.lengths, [*self.colours, *[self.colours[-1]] * (n - len(self.colours))], strict=True))
 
 
 @dataclass(frozen=True)

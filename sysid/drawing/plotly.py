@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from sysid.base import style
-from sysid.base.style import power
 from sysid.drawing.figure import (
     Axis,
     Bars,
@@ -21,7 +20,7 @@ from sysid.drawing.figure import (
     Span,
     Stems,
 )
-from sysid.drawing.traces import PAPER, area_fill, symlog, traces_of
+from sysid.drawing.traces import PAPER, area_fill, traces_of
 
 Plotly = dict[str, Any]
 GRID, FRAME = "#e4e7eb", "#9aa5b1"
@@ -148,8 +147,6 @@ def _side(axis: Axis, panel: Panel, letter: str) -> Plotly:
         limits = getattr(panel.views[0], letter)
     if axis.names:
         return settings | {"type": "category", "autorange": "reversed", "categoryarray": list(axis.names)}
-    if axis.linear_below is not None:
-        return settings | _symlog_axis(axis.linear_below, panel)
     if axis.log:
         settings |= LOG
         limits = None if limits is None else (float(np.log10(limits[0])), float(np.log10(limits[1])))
@@ -197,9 +194,6 @@ def _shape(item: Rule | Span, panel: Panel | None, place: dict[str, str]) -> Plo
     """A line or an area across a panel, or across all of them where `place` has no vertical axis."""
     letter, other_letter = ("x", "y") if item.upright else ("y", "x")
     ends = (item.at, item.at) if isinstance(item, Rule) else (item.low, item.high)
-    linear = panel.x.linear_below if panel is not None and item.upright else None
-    if linear is not None:
-        ends = tuple(symlog(end, linear) for end in ends)  # type: ignore[assignment]
     axis = place[f"{other_letter}axis"]
     shape: Plotly = {
         f"{letter}ref": place[f"{letter}axis"],
@@ -224,15 +218,3 @@ def _sides(rule: Rule) -> list[Plotly]:
     place = {"x": rule.at, "xref": "x", "y": 1, "yref": "paper", "yanchor": "bottom", "showarrow": False}
     words = zip((f"{rule.sides[0]} ", f" {rule.sides[1]}"), ("right", "left"), strict=True)
     return [{"text": text, "xanchor": anchor, "font": {"size": 11}, **place} for text, anchor in words]
-
-
-def _symlog_axis(linear: float, panel: Panel) -> Plotly:
-    """Range and ticks of such a horizontal axis of bars; a rule has a number of its own, so that it is read aright."""
-    rules = [item.at for item in panel.items if isinstance(item, Rule)]
-    lengths = [length for item in panel.items if isinstance(item, Bars) for length in item.lengths]
-    places = [symlog(value, linear) for value in [*lengths, *rules, 0.0]]
-    low, high = min(places), max(places)
-    span = [low - 0.08 * (high - low), high + 0.08 * (high - low)]
-    powers = (sign * linear * 10.0**k for k in range(8) for sign in (-1.0, 1.0))
-    ticks = sorted({t for t in [0.0, *rules, *powers] if span[0] <= symlog(t, linear) <= span[1]})
-    return {"range": span, "tickvals": [symlog(t, linear) for t in ticks], "ticktext": [power(t) for t in ticks]}

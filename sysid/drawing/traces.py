@@ -183,18 +183,18 @@ def _stems(item: Stems) -> list[Trace]:
 
 
 def _bars(item: Bars, panel: Panel) -> Trace:
-    """Horizontal bars; plotly draws no hatch on a bar without a colour."""
-    rows, linear = item.rows(), panel.x.linear_below
-    lengths = [length if linear is None else symlog(length, linear) for length, *_ in rows]
-    hatch = {"shape": ["/" if is_hatched else "" for *_, is_hatched in rows], "fgcolor": rows[0][1], "bgcolor": PAPER}
-    marker = {
-        "color": [colour if is_filled or is_hatched else PAPER for _, colour, is_filled, is_hatched in rows],
-        "line": {"color": [colour for _, colour, *_ in rows], "width": 1.2},
-        "pattern": hatch | {"size": 6},
-    }
+    """Horizontal bars."""
+    rows = item.rows()
+    marker = {"color": [colour for _, colour in rows]}
     texts = item.texts or item.notes
     hover: Trace = {"hovertext": list(texts), "hoverinfo": "text"} if texts else {}
-    bars = {"type": "bar", "orientation": "h", "x": numbers(lengths), "y": list(panel.y.names), "marker": marker}
+    bars = {
+        "type": "bar",
+        "orientation": "h",
+        "x": numbers([length for length, _ in rows]),
+        "y": list(panel.y.names),
+        "marker": marker,
+    }
     return bars | hover | ({"text": list(item.notes)} if item.notes else {}) | _legend_entry(item.label, item.key)
 
 
@@ -236,9 +236,3 @@ def numbers(values: Any) -> list[float | None]:
     """Values (n,) as JSON numbers; None, a gap in a line, for what is not finite."""
     array = np.asarray(values, dtype=float)
     return [v if ok else None for v, ok in zip(array.tolist(), np.isfinite(array).tolist(), strict=True)]
-
-
-def symlog(value: float, below: float) -> float:
-    """Linear up to `below`, logarithmic beyond: plotly has no such axis."""
-    size = abs(value) / below
-    return float(np.sign(value) * (size if size <= 1.0 else 1.0 + np.log10(size)))

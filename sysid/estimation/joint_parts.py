@@ -18,7 +18,6 @@ _SHAKEN = {
     **{"stick_down": 0.3, "width": 0.2, "drag": 0.5},
 }
 _DELAY = 0.3  # samples
-_LAGS = (0.2, 0.5, 0.8)  # of lag and delay together: the lag
 _LOAD = 0.1  # of the mean dry friction
 _END = 0.003  # of the way between the ends
 
@@ -84,20 +83,6 @@ def shake_theta(chain: Chain, theta: np.ndarray, rng: np.random.Generator) -> np
         step = steps.get(name)
         out.append(value + step * z if step is not None else value * np.exp(_SHAKEN.get(name.split(".")[-1], 0.0) * z))
     return np.where(chain.free, out, theta)
-
-
-def trade_lag_for_delay(chain: Chain, theta: np.ndarray) -> list[np.ndarray]:
-    """theta with the time of lag and delay shared otherwise: with long samples a search seldom leaves a wrong share."""
-    role = motor_of(chain).role
-    if f"{role}.delay" not in chain.names:
-        return []
-    lag, delay = (chain.names.index(f"{role}.{name}") for name in ("lag", "delay"))
-    total, points = theta[lag] + theta[delay], []
-    for share in _LAGS:
-        point = theta.copy()
-        point[lag], point[delay] = share * total, (1.0 - share) * total
-        points.append(np.where(chain.free, point, theta))
-    return points
 
 
 def free_run_cost(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> float:

@@ -1,4 +1,4 @@
-"""Actuated joints: growth part by part, and their values in physical units."""
+"""Actuated joints: all parts under their priors, and their values in physical units."""
 
 from sysid.base import modules_of
 

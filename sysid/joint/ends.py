@@ -12,8 +12,8 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
+from sysid.joint.full import full_joint, rough_posterior
 from sysid.joint.holdout import holdout_errors, is_harmful
-from sysid.joint.parts import PARTS
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
@@ -29,6 +29,9 @@ WORDS = {
 }
 _SCREENING = Options(max_iterations=40)
 _OWN_STARTS = 1  # starts of its own for a joint with fewer stops, besides the optimum with both
+# Three times what counts as very strong evidence (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995, section 3.2):
+# residuals of a model that is not quite the joint are coloured, and BIC takes them as white.
+MARGIN = 30.0
 _DOUBT = 20.0  # margins of BIC within which a joint without stops gets more starts
 _NEARLY_AS_GOOD = (
     0.5  # of BIC a sample: twice the logarithm of the error's ratio, within which joints are nearly as good
@@ -70,23 +73,13 @@ def present_ends(fit: Fit) -> Ends:
     return Ends("none" if _has_travel_map(fit.model) else "straight", fit, {})
 
 
-def choose_ends(
-    both: Fit,
-    data: IOData,
-    cut: IOData,
-    pair: tuple[Fold, ...],
-    margin: float,
-    options: dict[str, Any],
-    parts: tuple[str, ...] = ("stribeck", "turns"),
-) -> Ends:
-    """The choice with least BIC, where each stop costs `margin` besides and does no harm on unseen folds.
+def choose_ends(both: Fit, data: IOData, cut: IOData, pair: tuple[Fold, ...], options: dict[str, Any]) -> Ends:
+    """The choice with least BIC, where each stop costs `MARGIN` besides and does no harm on unseen folds.
 
-    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. A joint is judged with what it
-    may grow of `parts`: one that goes on and on with the load that repeats every turn, and joints that are nearly as
-    good as each other with friction that falls with speed. Without it the free run of a joint that has such friction is
-    so far off that its stops explain little.
+    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. Joints that are nearly as good as
+    each other are judged with all their parts: the free run of a joint without friction that falls with speed, or
+    without a load that repeats every turn, may be so far off that its stops explain little.
     """
-    turns, has_stribeck = "turns" in parts, "stribeck" in parts
     chain = both.model
     if not motor_of(chain).stops:
         return present_ends(both)
@@ -101,25 +94,22 @@ def choose_ends(
     stopless = [name for name in fits if not ENDS[name]]
     if not stopless:
         return Ends("both", both, {"both": float(both.criteria.bic)})
-    if min(fits[name].criteria.bic for name in stopless) < both.criteria.bic + _DOUBT * margin:
+    if min(fits[name].criteria.bic for name in stopless) < both.criteria.bic + _DOUBT * MARGIN:
         for name in stopless:
             variant_fit = _fit_variant(
                 fits[name].model, fits[name], data, cut, 3 * _OWN_STARTS, {**options, "seed": options["seed"] + 1}
             )
             fits[name] = min((fits[name], variant_fit or fits[name]), key=lambda fit: fit.criteria.bic)
-    cost = {name: margin * (ENDS[name] + (name != "straight")) for name in fits}
+    cost = {name: MARGIN * (ENDS[name] + (name != "straight")) for name in fits}
     price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
-    if turns and "straight" in fits:
-        price["straight"] = min(price["straight"], _bic_with_part("turns", fits["straight"], cut, options))
-    close_names = [
-        name for name in fits if price[name] < min(price.values()) + max(_DOUBT * margin, _NEARLY_AS_GOOD * data.N)
-    ]
-    if has_stribeck and len(close_names) > 1:
-        for name in close_names:
-            price[name] = min(price[name], _bic_with_part("stribeck", fits[name], cut, options) + cost[name])
+    close = {n for n in fits if price[n] < min(price.values()) + max(_DOUBT * MARGIN, _NEARLY_AS_GOOD * data.N)}
+    close |= {n for n in fits if motor_of(full_joint(fits[n].model, data)).periodic}
+    if len(close) > 1:
+        for name in close:
+            price[name] = min(price[name], _full_bic(fits[name], data, cut, options) + cost[name])
     choice = min(price, key=lambda name: price[name])
     free = min(stopless, key=lambda name: price[name])
-    if ENDS[choice] and pair and price[free] < price[choice] + _CLEAR_MARGINS * margin:
+    if ENDS[choice] and pair and price[free] < price[choice] + _CLEAR_MARGINS * MARGIN:
         errors = {name: holdout_errors(fits[name].model, fits[name].theta, pair) for name in (free, choice)}
         if is_harmful(errors[free], errors[choice], float(np.sqrt(both.criteria.mse))):
             choice = free
@@ -143,13 +133,11 @@ def _fit_variant(
         return None
 
 
-def _bic_with_part(part: str, fit: Fit, data: IOData, options: dict[str, Any]) -> float:
-    """BIC with this part; infinite where the joint cannot have it."""
-    candidate = PARTS[part].added(fit, data)
+def _full_bic(plain: Fit, data: IOData, cut: IOData, options: dict[str, Any]) -> float:
+    """BIC with all parts, near usual values; infinite where the joint runs away."""
+    level = float(np.sqrt(plain.criteria.mse))
     try:
-        if candidate is None:
-            return np.inf
-        return float(fit_chain(candidate[0], data, start=candidate[1], options=_SCREENING, **options).criteria.bic)
+        return float(rough_posterior(plain, data, cut, level, _SCREENING, options).criteria.bic)
     except (InputError, np.linalg.LinAlgError):
         return np.inf
 

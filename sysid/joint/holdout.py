@@ -51,12 +51,14 @@ def holdout_folds(data: IOData) -> tuple[Fold, ...]:
     return tuple(Fold(f.estimation, f.unseen, min(INITIAL_SAMPLES, min(f.unseen.lengths) // 4)) for f in pair)
 
 
-def holdout_errors(chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...]) -> HoldoutErrors:
+def holdout_errors(
+    chain: Chain, theta: np.ndarray, pair: tuple[Fold, ...], prior: Prior | None = None
+) -> HoldoutErrors:
     """The chain fitted to each fold from theta (P,), the optimum of the whole record, and run over the other part."""
     errors, chunks, outputs, chunk_count = [], [], [], 0
     with one_blas_thread(), np.errstate(all="ignore"):
         for fold in pair:
-            fold_theta = refit(chain, theta, fold.estimation)
+            fold_theta = refit(chain, theta, fold.estimation, prior)
             is_judged, y = fold.judged, fold.unseen.y[:, 0]
             run = np.concatenate([_free_run(chain, fold_theta, e) for e in fold.unseen.experiments])
             length = max(1, round(sum(f.unseen.N for f in pair) / _CHUNKS))

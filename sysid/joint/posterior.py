@@ -1,89 +1,212 @@
 """A joint with all its parts at once: what the record does not show stays at what is usual.
 
-Growth decides for each part whether a joint has it. A record seldom settles that, and a part that is left out is taken
-for zero: friction at rest, for example, which every joint has. Here the most likely joint is found under the priors of
-`sysid.joint.prior` (maximum a posteriori), with few starts. It is a model to predict with; its parts are no evidence.
+A record seldom settles whether a joint has a part, and a part that is left out is taken for zero: friction at rest, for
+example, which every joint has. So the most likely joint is found under the priors of `sysid.joint.prior` (maximum a
+posteriori), with few starts. Which parts the record shows is a question to the posterior (`sysid.joint.parts`).
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, unknown
+from sysid.base.handlers import Shown, handler
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import CoastingPlay, Compliance
+from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.initial_state import with_initial_states
-from sysid.estimation.joint_parts import lift_theta, motor_of, shake_theta, sub
-from sysid.estimation.noise_model import noise_model
+from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
 from sysid.estimation.objective import Objective
-from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
+from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts.staged_joint import play_starts
-from sysid.joint.parts import SUBSTEPS, is_plain
+from sysid.joint.clock import Clock
+from sysid.joint.ends import WORDS as ENDS_IN_WORDS
+from sysid.joint.ends import choose_ends, present_ends
+from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_plain
+from sysid.joint.holdout import holdout_errors, holdout_folds
+from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.prior import joint_prior, units_of, usual_values
-from sysid.joint.rounds import best_points
+from sysid.joint.sampling import cut_at_rests
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _POINTS, _LEADERS, _GLANCE = 24, 4, 6  # starts with parts, of which some go on after a few iterations
 _LEVELS = 2  # times that the level of the noise is taken anew
 _SHAKES = 12  # places near the optimum that are tried
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
+_SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
+_UNSEEN_LOSS = 3.0  # points of fit on unseen parts that a warning speaks of
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
-_WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
+_WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (0.3, 2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
 _HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
+@dataclass(frozen=True, repr=False)
+class JointFit(Shown):
+    """The most likely joint, with what its record shows of its end stops and its parts.
+
+    `ends`: the end stops that the record shows ("none", "straight", "lower", "upper", "both"; see `sysid.joint.ends`).
+    `parts`: each part beside what is usual (see `sysid.joint.parts`). `agreed` of `tried` searches from independent
+    starts came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted
+    to. `warnings` are sentences for a report; `stopped` is the one of them that says what the time left out, empty if
+    nothing.
+    """
+
+    fit: Fit
+    ends: str
+    parts: tuple[PartEvidence, ...]
+    agreed: int = 1
+    tried: int = 1
+    unseen_percent: float = float("nan")
+    warnings: tuple[str, ...] = field(default=())
+    stopped: str = ""
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """Names of the parameters whose parts the record shows."""
+        return tuple(part.name for part in self.parts if part.verdict == "shown")
+
+    def sentence(self) -> str:
+        """What the record shows of the parts, in words."""
+        shown = [part.words for part in self.parts if part.verdict == "shown"]
+        absent = [part.words for part in self.parts if part.verdict == "absent"]
+        open_ = [part.words for part in self.parts if part.verdict == "open"]
+        sentences = [f"The record shows {_listed(shown)}." if shown else ""]
+        sentences += [f"It shows that there is no {_listed(absent, 'and no')}." if absent else ""]
+        sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
+        sentences += ["" if self.ends == "both" else f"The record shows {ENDS_IN_WORDS[self.ends]}."]
+        return " ".join(filter(None, sentences))
+
+    def plot(self) -> "Figure":
+        """A figure of the parts, each beside what is usual. Raises InputError for a joint without parts."""
+        figure: Figure = handler(self).plot(self)
+        return figure
+
+    def as_dict(self) -> dict[str, Any]:
+        """What the record shows, ready for JSON."""
+        unseen = self.unseen_percent if np.isfinite(self.unseen_percent) else None
+        return {
+            "ends": self.ends,
+            "parts": [part.as_dict() for part in self.parts],
+            "agreed": self.agreed,
+            "tried": self.tried,
+            "unseen_percent": unseen,
+        }
+
+
+def _listed(words: list[str], link: str = "and") -> str:
+    *first, last = words
+    return f"{', '.join(first)} {link} {last}" if first else last
+
+
 @checked(late=True)
-def joint_posterior(
+def fit_joint(
     data: IOData,
     plain: Chain | None = None,
+    search: str = "lm",
     starts: int = 2,
     seed: int = 0,
+    parts: Iterable[str] = PARTS,
     progress: Callable[[str], None] | None = None,
-) -> Fit:
+    seconds: float = np.inf,
+) -> JointFit:
     """The most likely actuated joint with all parts, for `data` and the priors of `sysid.joint.prior`.
 
-    `plain` is the joint without parts, as for `sysid.grow_joint`; `starts` are those of the plain joint. Raises
-    InputError for another chain, and the errors of `sysid.fit`.
+    `plain` is the joint without parts: an `actuated_joint` or `servo_joint` with a motor, without Stribeck friction,
+    loss, jam and backlash. What it fixes and bounds stays. Its end stops are chosen first (`sysid.joint.ends`), then
+    all `parts` of it (`sysid.joint.full.full_joint`) are searched together. search, starts (of the plain joint), seed
+    and progress are those of `sysid.fit`. After `seconds` the search ends with what it has, at the least a plain joint
+    fitted to the record, and `warnings` say what it left out. Raises InputError for another chain or part, for seconds
+    that are not positive, and the errors of `sysid.fit`.
     """
-    chain = actuated_joint(play=False) if plain is None else plain
+    names, chain = tuple(parts), actuated_joint(play=False) if plain is None else plain
+    for name in names:
+        if name not in PARTS:
+            raise unknown("part of a joint", name, PARTS)
     if not is_plain(chain):
-        raise InputError("joint_posterior begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
+        raise InputError("fit_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
+    if not seconds > 0.0:
+        raise InputError(f"seconds is {seconds:g}; give a positive number, or leave it out")
+    clock = Clock(seconds)
+    options: dict[str, Any] = {"search": search, "seed": seed, "progress": progress}
+    timed = {**options, "progress": clock.hears(progress)}
+    # A motor that does not suit runs away.
     with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        plain_fit = fit_chain(chain.scaled(data.u, data.y), data, search="lm", starts=starts, seed=seed)
-        rng = np.random.default_rng([seed, len(plain_fit.theta)])
-        full = full_joint(plain_fit.model)
-        units = units_of(plain_fit.model, plain_fit.theta, data)
-        search = partial(fit_chain, full, data, search="lm", progress=progress)
-        level = _FIRST_LEVEL * float(np.sqrt(plain_fit.criteria.mse))
-        points = np.array(list(_starting_points(plain_fit, full, usual_values(full, units), data, rng)))
-        for _ in range(_LEVELS):
+        which, plain_fit = _plain_joint(chain.scaled(data.u, data.y), data, starts, options, timed, clock)
+        search_all = _Search(plain_fit, data, names, timed)
+        fit, agreed, tried = clock.within("its parts were searched", search_all.best, (plain_fit, 1, 1))
+        fit.remember(data)
+        pair = holdout_folds(data)
+        unseen = holdout_errors(fit.model, fit.theta, pair, fit.prior).percent if pair else float("nan")
+        shown = parts_of(fit, data)
+    result = JointFit(fit, which, shown, agreed, tried, unseen, stopped=clock.sentence())
+    return replace(result, warnings=tuple(_warnings(result, data)))
+
+
+def _plain_joint(
+    chain: Chain, data: IOData, starts: int, options: dict[str, Any], timed: dict[str, Any], clock: Clock
+) -> tuple[str, Fit]:
+    """The end stops that the record shows, and the joint with these, without parts, over the whole record."""
+    stretches = cut_at_rests(data, chain)
+    points = make_starts(chain, data, starts, options["seed"])
+    with_stops = fit_chain(chain, stretches, start=np.array(points), **options)
+    arguments = (with_stops, data, stretches, holdout_folds(stretches), timed)
+    ends = clock.within("its end stops were chosen", choose_ends, present_ends(with_stops), *arguments)
+    if stretches is data:
+        return ends.which, ends.fit
+    own_points = np.array([ends.fit.theta, *make_starts(ends.fit.model, data, starts, options["seed"])])
+    return ends.which, fit_chain(ends.fit.model, data, start=own_points, **options)
+
+
+@dataclass
+class _Search:
+    """The search of a joint with all parts, from the plain one."""
+
+    plain: Fit
+    data: IOData
+    parts: tuple[str, ...]
+    options: dict[str, Any]
+
+    def best(self) -> tuple[Fit, int, int]:
+        """The fit, how many searches from the best points came to it, and of how many.
+
+        The plain joint where no joint with parts is a model, of a record that no motor made.
+        """
+        try:
+            return self._best()
+        except (InputError, np.linalg.LinAlgError):  # derivatives too large for numbers
+            return self.plain, 1, 1
+
+    def _best(self) -> tuple[Fit, int, int]:
+        plain, data = self.plain, self.data
+        rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
+        full = full_joint(plain.model, data, self.parts)
+        units = units_of(plain.model, plain.theta, data)
+        search = partial(fit_chain, full, data, **self.options)
+        level = _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse))
+        points = np.array(list(_starting_points(plain, full, usual_values(full, units), data, rng)))
+        heights = np.zeros(1)  # of the first searches' ends, below the highest, in logarithms of the posterior
+        for cut in (cut_at_rests(data, plain.model), data):
             objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
-            leaders = best_points(full, points, data, _GLANCE, _LEADERS, objective)
-            fit = search(start=leaders, objective=objective)
-            level = _level(fit, data)
+            leaders = best_points(full, points, cut, _GLANCE, _LEADERS, objective)
+            fit = fit_chain(full, cut, start=leaders, objective=objective, **self.options)
+            if len(heights) == 1:
+                heights = 0.5 * data.N * (np.array(fit.losses) - min(fit.losses)) / level**2
+            level = colour_level(fit, cut)
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
-            points = np.array([fit.theta, *shaken])
-        return search(
-            start=fit.theta[None], objective=Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
-        )
-
-
-def full_joint(plain: Chain) -> Chain:
-    """A plain joint with every part: friction at rest by direction, loss, jam, and backlash of a link that coasts."""
-    motor = motor_of(plain)
-    full = replace(motor, stribeck=True, sided=True, loss=motor.loaded, jams=bool(motor.stops), substeps=SUBSTEPS)
-    blocks = [full if block is motor else block for block in plain.blocks]
-    if not any(isinstance(block, Compliance) for block in blocks):
-        blocks.insert(len(blocks) - (blocks[-1].role == "sensor"), CoastingPlay(role="play"))
-    fixed = {name: value for name, value in plain.fixed.items() if name != f"{motor.role}.load0" or not full.loss}
-    return sub(replace(plain, fixed=fixed), tuple(blocks))
+            others = [lift_theta(full, fit.theta, full, play) for play in _plays(full, fit.theta, data)]
+            points = np.array([fit.theta, *shaken, *others])
+        objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
+        fit = search(start=fit.theta[None], objective=objective)
+        return fit, int(np.sum(heights <= _SAME)), len(heights)
 
 
 def _starting_points(
@@ -93,21 +216,24 @@ def _starting_points(
     new = {name: value for name, value in values.items() if name not in plain.model.names}
     low = dict(zip(full.names, full.limits[0], strict=True))
     centres = {name: centre for name, (centre, _) in new.items()}
-    plays = _plays(plain, full, centres, data)
+    plays = _plays(full, lift_theta(plain.model, plain.theta, full, centres), data)
     for k in range(_POINTS):
         drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
         drawn = {name: abs(value) if low[name] >= 0.0 else value for name, value in drawn.items()}
         yield lift_theta(plain.model, plain.theta, full, drawn | plays[k % len(plays)])
 
 
-def _plays(plain: Fit, full: Chain, centres: dict[str, float], data: IOData) -> list[dict[str, float]]:
+def _plays(full: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
     """Backlashes for the starts, those first that explain most of what the joint without them leaves."""
-    blocks = tuple(block for block in full.blocks if not isinstance(block, CoastingPlay))
+    blocks = tuple(block for block in full.blocks if not isinstance(block, Play | CoastingPlay))
     if len(blocks) == len(full.blocks):
         return [{}]
     middle = sub(full, blocks)
-    theta = lift_theta(plain.model, plain.theta, middle, centres)
-    return play_starts(full, middle, theta, data, partial(_links, data.Ts))[: _POINTS // 2]
+    links = partial(_links, data.Ts) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
+    theta, pulls = lift_theta(full, theta, middle, {}), dict[tuple[float, float], dict[str, float]]()
+    for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides a backlash
+        pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
+    return list(pulls.values())[: _POINTS // 2]
 
 
 def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
@@ -122,10 +248,27 @@ def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
                     yield width * way, 0.0, hold * weight * way, -slope * hang, slope
 
 
-def _level(fit: Fit, data: IOData) -> float:
-    """The deviation of white noise that moves the parameters as far as the colour of the residuals does."""
-    thetas = with_initial_states(fit.model, fit.theta, data)
-    problem = ChainProblem(fit.model, thetas, data.experiments, fit.model.free)
-    e, J = problem.linearise(problem.start)
-    lengths = [int(part.observed.sum()) for part in data.experiments]
-    return float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))
+def _warnings(joint: JointFit, data: IOData) -> Iterator[str]:
+    fit = joint.fit
+    if joint.stopped:
+        yield joint.stopped
+    elif joint.agreed < 2 <= joint.tried:
+        yield (
+            f"only one of {joint.tried} independent starts led to this joint, so a better one may exist; "
+            "try --starts 20"
+        )
+    y = data.y[data.observed[:, 0], 0]
+    percent = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
+    if joint.unseen_percent < percent - _UNSEEN_LOSS:
+        yield (
+            f"on parts of the record that the joint was not fitted to, its fit is {joint.unseen_percent:.1f} % instead "
+            f"of {percent:.1f} %: the record does not show often enough what decides its motion (arrivals at both "
+            "ends, starts from rest); record longer, or try --split 0.7"
+        )
+    _, high = fit.model.at_limit(fit.theta)
+    held_up = high & fit.model.free & ~fit.model.initial
+    for name, value in zip(np.array(fit.model.names)[held_up], fit.theta[held_up], strict=True):
+        if name.endswith(".loss"):
+            yield "the record does not tell the friction of the screw from its load; their sum is what counts"
+        elif name.startswith("motor"):
+            yield f"{name} is at its limit of {value:g}: the structure does not suit the record; try --structure auto"

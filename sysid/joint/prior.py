@@ -1,20 +1,25 @@
 """What is known of a joint beside its record: its friction, its screw and its link have usual sizes.
 
 Each prior is normal, with a centre and a standard deviation in quantities of the joint: volts by its dry friction,
-speeds by its fastest, angles by its way from end to end, times in seconds. A parameter that cannot be negative keeps
-its bound at 0.
+speeds by its fastest, angles by its way from end to end, times in seconds or by its response. A parameter that cannot
+be negative keeps its bound at 0.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from sysid.blocks import CoastingPlay, Motor
+from sysid.block.block import Block
+from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.prior import Prior
 from sysid.joint.physics import travel_of
 from sysid.model.chain import Chain
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -29,12 +34,14 @@ class Known:
 # Break-away takes 1 to 1.6 times the friction in motion, and the Stribeck curve falls within a few percent of the speed
 # (Armstrong-Hélouvry, Dupont and Canudas de Wit 1994, Automatica 30, sections 2 and 5). Screws without balls lose 0.25
 # to 4 times what they pass on (efficiencies of 20 to 80 %). A uniform link of length L falls with 1.5 g / L: 74 rad/s^2
-# at 0.2 m, a way a radian long; a bearing holds it against a share of that. Geared motors of this size have time
-# constants of some 10 ms, buses and filters delays of as much. Backlash is within 1 % of the way on most gears.
+# at 0.2 m, a way a radian long; a bearing holds it against a share of that. A record shows the lag and the delay of a
+# joint together far better than either: the plain joint gives their sum, 0.1 s at the least, for geared motors of this
+# size have time constants of some 10 ms, buses and filters delays of as much. Backlash is within 1 % of the way on most
+# gears. A supply's resistance is a fifth of the motor's and less.
 KNOWN: dict[type, dict[str, Known]] = {
     Motor: {
-        "lag": Known(0.05, 0.05, "time"),
-        "delay": Known(0.05, 0.05, "time"),
+        "lag": Known(0.5, 0.5, "response"),
+        "delay": Known(0.5, 0.5, "response"),
         "stick": Known(0.2, 0.2, "friction"),
         "stick_down": Known(0.2, 0.2, "friction"),
         "stick_speed": Known(0.05, 0.05, "speed"),
@@ -43,7 +50,10 @@ KNOWN: dict[type, dict[str, Known]] = {
         "load2": Known(0.0, 1.0, "friction over the way squared"),
         "loss": Known(0.2, 0.3, "one"),
         "jam": Known(0.0, 0.3, "time by speed"),
+        **{f"{wave}{k}": Known(0.0, 2.0, "friction") for wave in ("sine", "cosine") for k in (1, 2)},
     },
+    ServoMotor: {"sag": Known(0.0, 0.2, "one")},
+    Play: {"width": Known(0.0, 0.015, "angle")},
     CoastingPlay: {
         "width": Known(0.0, 0.015, "angle"),
         "drag": Known(0.0, 50.0, "angle by time squared"),
@@ -53,6 +63,7 @@ KNOWN: dict[type, dict[str, Known]] = {
 }
 # Differences: friction by direction, and how far a point of the linkage is from the middle of its neighbours.
 _SIDED_STICK, _SIDED, _BENT = 0.1, 0.3, 0.005
+_LEAST_RESPONSE = 0.1  # s
 _LEAST_FRICTION = 0.02  # of the largest input: a motor without friction leaves no scale for its parts
 
 
@@ -60,16 +71,18 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
     """Size of each unit of `KNOWN` in the chain's own: samples, volts, and the places of motor and link."""
     motor, travel = motor_of(chain), travel_of(chain)
     part = chain.part(theta, motor)
-    largest = float(np.abs(data.u).max())
+    # A servo's input is a goal.
+    largest = motor.value(part, "limit") if isinstance(motor, ServoMotor) else float(np.abs(data.u).max())
     friction = 0.5 * (motor.value(part, "rise") + motor.value(part, "fall"))
     friction = max(friction, _LEAST_FRICTION * largest)
-    speed = motor.value(part, "gain") * max(largest - friction, 0.1 * largest)
     way = float(np.ptp(data.y[data.observed[:, 0], 0]))
+    least = 1e-9 * (way if travel is None else 1.0)  # a sample, of a motor that does not move
+    speed = max(motor.value(part, "gain") * max(largest - friction, 0.1 * largest), least)
     reach = way if travel is None else 1.0  # of the motor's position
     second = 1.0 / data.Ts
     return {
         "one": 1.0,
-        "time": second,
+        "response": max(_LEAST_RESPONSE * second, motor.value(part, "lag") + motor.value(part, "delay")),
         "friction": friction,
         "friction over the way": friction / reach,
         "friction over the way squared": friction / reach**2,
@@ -106,13 +119,18 @@ def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
     return Prior(matrix, np.array(target), level / np.array(spread), chosen=True)
 
 
+def known_of(block: Block, name: str, table: Mapping[type, Mapping[str, T]]) -> T | None:
+    """The entry of a block's parameter in a table by class and name; of a class that it derives from, too."""
+    return next((rows[name] for kind, rows in table.items() if isinstance(block, kind) and name in rows), None)
+
+
 def usual_values(chain: Chain, units: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Centre and deviation of each free parameter by its name, in the chain's units."""
     values = {}
     for block in chain.blocks:
         for slot in block.slots():
             name = f"{block.role}.{slot.name}"
-            known = KNOWN.get(type(block), {}).get(slot.name)
+            known = known_of(block, slot.name, KNOWN)
             if known is not None and name not in chain.fixed:
                 values[name] = (known.centre * units[known.of], known.spread * units[known.of])
     return values

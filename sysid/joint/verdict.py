@@ -1,4 +1,4 @@
-"""Whether a record is that of an actuated joint at all: the grown joint beside models without any physics."""
+"""Whether a record is that of an actuated joint at all: the joint beside models without any physics."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,9 +12,10 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.free_run import resting_theta
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.ends import MARGIN
 from sysid.joint.evidence import stop_tests
-from sysid.joint.growth import MARGIN, Growth
 from sysid.joint.holdout import holdout_errors, holdout_folds
+from sysid.joint.posterior import JointFit
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options
 from sysid.structures import hammerstein_wiener, output_error
@@ -80,28 +81,28 @@ class Verdict:
         return {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in vars(self).items()}
 
 
-def verdict(growth: Growth, data: IOData) -> Verdict:
-    """Whether the joint that grew on `data` explains it as a joint would.
+def verdict(joint: JointFit, data: IOData) -> Verdict:
+    """Whether the joint that was fitted to `data` explains it as a joint would.
 
     A joint's free run must come to `LEAST` over the record. Its motor must have dry friction or strike a stop; without
     both it is a linear filter under another name. Output-error and Hammerstein-Wiener models must not explain the
     record better: neither by BIC over the whole record, unless the joint is clearly better in free run over parts that
     neither was fitted to, nor on these parts.
     """
-    judgement = _judge(growth, data)
+    judgement = _judge(joint, data)
     friction = judgement.friction * float(np.std(data.u))
-    is_stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _is_servo(growth.fit)
+    is_stuck = np.isfinite(friction) and friction > float(np.abs(data.u).max()) and not _is_servo(joint.fit)
     loses = 100.0 - judgement.unseen > _LOSES * (100.0 - judgement.seen)
     return replace(judgement, undetermined=not judgement.joint and judgement.seen >= _FOLLOWS and (is_stuck or loses))
 
 
-def _judge(growth: Growth, data: IOData) -> Verdict:
-    fit = growth.fit
+def _judge(joint: JointFit, data: IOData) -> Verdict:
+    fit = joint.fit
     y = data.y[data.observed[:, 0], 0]
     seen_percent = _percent(float(np.sqrt(fit.criteria.mse)), y)
     friction = _friction(fit, data)
     spring = _spring(fit, data)
-    judgement = Verdict(True, "", seen_percent, growth.unseen_percent, friction, spring)
+    judgement = Verdict(True, "", seen_percent, joint.unseen_percent, friction, spring)
     if not seen_percent >= LEAST:
         return replace(
             judgement,

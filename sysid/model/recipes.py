@@ -68,8 +68,8 @@ class Recipe(ABC):
     name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, and rungs: the settings
     that it tries first; none means every order of the search space, with every combination of maps around the best
     linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
-    record and of one setting. least_starts: of a search that must find its optimum. grown: whether it is fitted by
-    `sysid.grow_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record counts from
+    record and of one setting. least_starts: of a search that must find its optimum. with_parts: whether it is
+    fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record counts from
     zero, so that no means may be removed. Raises InputError for settings that give no model, before any work.
     """
 
@@ -77,7 +77,7 @@ class Recipe(ABC):
     searched: ClassVar[bool] = False
     rungs: ClassVar[tuple[dict[str, Any], ...]] = ()
     least_starts: ClassVar[int] = 1
-    grown: ClassVar[bool] = False
+    with_parts: ClassVar[bool] = False
     auto: ClassVar[str] = "auto"
     zero: ClassVar[str] = ""
 
@@ -86,12 +86,7 @@ class Recipe(ABC):
 
     @abstractmethod
     def model(self) -> Any:
-        """The Chain or Nlarx to fit; of a structure that grows, what it begins with."""
-
-    @property
-    def all_parts(self) -> bool:
-        """Whether a structure that grows takes all its parts at once instead."""
-        return False
+        """The Chain or Nlarx to fit; of a structure with parts, what it begins with."""
 
     def model_of(self, data: IOData) -> Any:
         """The model to fit to a record: `model()` with what the settings leave to its units and its sampling time."""

@@ -11,16 +11,15 @@ from sysid.base.errors import InputError
 from sysid.base.quantities import capital, display_quantity, number, percent, pole, probability
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests
-from sysid.joint.growth import MARGIN, WORDS, Growth
+from sysid.joint.posterior import JointFit
 from sysid.linear.modes import Modes
 from sysid.notebook.card import Card, Table
 from sysid.notebook.fits import FitView, own_percent, parameter_table
 from sysid.notebook.page import figure
 from sysid.notebook.poles import pole_table
 from sysid.plots.comparison import comparison
-from sysid.plots.earned import earned
 from sysid.plots.records import record
-from sysid.report.joint import bars, hatched
+from sysid.plots.usual import usual
 from sysid.selection.table import Selection
 from sysid.validation.compare import Comparison
 
@@ -28,9 +27,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NOTHING = 1e-12  # of the largest value: what rounding leaves of a mean that was removed
-GROWTH_SAYS = (
-    "What to see: a part is kept if BIC falls beyond the dashed line and its free runs over unseen parts of the record "
-    "get no worse; the filled bar of a round is the part that stayed."
+PARTS_SAY = (
+    "What to see: a part whose interval is as wide as the usual range is not determined by the record; one far from 0 "
+    "is shown by it."
 )
 ROWS = 12
 
@@ -89,44 +88,40 @@ def _channels(data: IOData, side: str) -> str:
     return f"{f'{n} x ' if n > 1 else ''}{name}{f' [{unit}]' if unit else ''}"
 
 
-class GrowthView:
-    """The growth of a joint."""
+class JointFitView:
+    """A joint with all its parts."""
 
     @staticmethod
-    def line(growth: Growth) -> str:
-        """The parts, and the fit."""
-        parts = ", ".join(growth.parts) or "no further part"
-        return f"<Growth: {parts}; {FitView.line(growth.fit).strip('<>')}>"
+    def line(joint: JointFit) -> str:
+        """The parts that the record shows, and the fit."""
+        shown = ", ".join(joint.shown) or "no part shown"
+        return f"<JointFit: {shown}; {FitView.line(joint.fit).strip('<>')}>"
 
     @staticmethod
-    def card(growth: Growth) -> Card:
-        """The steps on one screen."""
-        fit = growth.fit
+    def card(joint: JointFit) -> Card:
+        """The parts on one screen."""
+        fit = joint.fit
         score = own_percent(fit)
         facts = [] if score is None else [("fit, free run", f"{percent(score)} on its own record")]
-        if math.isfinite(growth.unseen_percent):
-            facts.append(("on unseen parts", percent(growth.unseen_percent)))
-        facts += [
-            ("BIC", f"{number(fit.criteria.bic, 6)}, of the plain joint {number(growth.plain_bic, 6)}"),
-            ("starts that agree", str(growth.agreed)),
-            ("search", f"{fit.stop.reason}"),
-        ]
+        if math.isfinite(joint.unseen_percent):
+            facts.append(("on unseen parts", percent(joint.unseen_percent)))
+        facts += [("searches that agree", f"{joint.agreed} of {joint.tried}"), ("search", f"{fit.stop.reason}")]
         rows = [
-            (str(s.round + 1), WORDS[s.part], number(s.bic, 6), number(s.earned, 4), "kept" if s.kept else "–")
-            for s in growth.steps
+            (p.words, number(p.value, 4), number(p.std, 2), f"{number(p.usual, 4)} ± {number(p.spread, 2)}", p.verdict)
+            for p in joint.parts
         ]
-        table = Table(("round", "part", "BIC", "fall", ""), rows, "Parts tried", text_columns=2)
-        sentences = [growth.sentence(), *(f"Warning: {text}." for text in growth.warnings[:3])]
-        calls = "growth.plot(), growth.fit, sysid.joint_values(growth.fit)"
+        table = Table(("part", "value", "deviation", "usual", "record"), rows, "Parts", text_columns=1)
+        sentences = [joint.sentence(), *(f"Warning: {text}." for text in joint.warnings[:3])]
+        calls = "joint.plot(), joint.fit, sysid.joint_values(joint.fit)"
         details = [parameter_table(fit)]
         return Card("Actuated joint", facts, [table] if rows else [], sentences, details, call=f"Next: {calls}")
 
     @staticmethod
-    def plot(growth: Growth) -> Figure:
-        """The parts tried, round by round."""
-        if not growth.steps:
-            raise InputError("no part was tried in this growth, so there is nothing to draw; see growth.fit.plot()")
-        return figure(earned, bars(growth), MARGIN, say=GROWTH_SAYS + hatched(growth))
+    def plot(joint: JointFit) -> Figure:
+        """The parts beside what is usual."""
+        if not joint.parts:
+            raise InputError("this joint has no part to draw; see joint.fit.plot()")
+        return figure(usual, joint.parts, say=PARTS_SAY)
 
 
 class SelectionView:

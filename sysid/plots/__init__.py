@@ -10,19 +10,18 @@ from collections.abc import Callable
 from typing import Any
 
 from sysid.plots.comparison import comparison
-from sysid.plots.earned import earned
 from sysid.plots.free_runs import Run, close_ups, fitted, free_run, free_runs, simulated
 from sysid.plots.pole_zero import pole_zero, pole_zero_map
 from sysid.plots.records import parts, record
 from sysid.plots.residual_tests import higher_order_tests, residual_tests
 from sysid.plots.responses import bode, impulse, steady_state, step
 from sysid.plots.static_maps import static_curve, static_maps
+from sysid.plots.usual import usual
 
 TABLE: dict[str, Callable[..., Any]] = {
     "bode": bode,
     "close_ups": close_ups,
     "comparison": comparison,
-    "earned": earned,
     "fitted": fitted,
     "free_run": free_run,
     "free_runs": free_runs,
@@ -38,6 +37,7 @@ TABLE: dict[str, Callable[..., Any]] = {
     "static_maps": static_maps,
     "steady_state": steady_state,
     "step": step,
+    "usual": usual,
 }
 
 __all__ = [
@@ -46,7 +46,6 @@ __all__ = [
     "bode",
     "close_ups",
     "comparison",
-    "earned",
     "fitted",
     "free_run",
     "free_runs",
@@ -62,4 +61,5 @@ __all__ = [
     "static_maps",
     "steady_state",
     "step",
+    "usual",
 ]

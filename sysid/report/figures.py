@@ -20,7 +20,6 @@ from sysid.data.record import IOData
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Band, Figure, Rule, scaled
 from sysid.drawing.plotly import Plotly, plotly
-from sysid.joint.growth import MARGIN
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import as_outputs, close_ups_figure, runs_figure
 from sysid.plots.pole_zero import roots_figure
@@ -28,8 +27,9 @@ from sysid.plots.records import parts_figure
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import Words, maps_figure
+from sysid.plots.usual import usual_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
-from sysid.report.joint import growth_figure, hatched, values_figure
+from sysid.report.joint import values_figure
 from sysid.report.page import Picture
 from sysid.report.sections import one_step
 from sysid.report.verdict import shapes_in_words, tests_in_words
@@ -259,20 +259,18 @@ def _values_caption(e: Evaluation) -> str:
     return f"Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke.{doubt}"
 
 
-def _growth_figure(e: Evaluation) -> Figure:
-    """A panel per round, a bar per part: the reduction of BIC on a symmetric logarithmic axis."""
-    assert e.growth is not None
-    return growth_figure(e.growth)
+def _parts_figure(e: Evaluation) -> Figure:
+    """Each part of a joint beside what is usual."""
+    assert e.joint_fit is not None
+    return usual_figure(e.joint_fit.parts)
 
 
-def _growth_caption(e: Evaluation) -> str:
-    """Explanation of the bars."""
-    assert e.growth is not None
+def _parts_caption(_: Evaluation) -> str:
+    """Explanation of the ranges."""
     return (
-        f"Parts tried on the estimation data, round by round: by how much each lowered BIC. A part is "
-        f"kept only if BIC falls by {MARGIN:g} (line) and its free runs over unseen parts get no worse. "
-        "The best part of each round (filled) stays in the next round. A "
-        f"bar to the left is a part that increases BIC.{hatched(e.growth)}"
+        "Parts of the joint: the usual range of each, before the record, and what the record makes of it. A part whose "
+        "interval is as wide as the usual range is not determined; one whose interval is far from 0 is shown by the "
+        "record. 0 is a joint without the part."
     )
 
 
@@ -304,12 +302,11 @@ TABLE: dict[str, ReportFigure] = {
     "values": ReportFigure(
         "Model", lambda e: values_figure(e.values), _values_caption, lambda e: bool(e.values), tab="Physical values"
     ),
-    "growth": ReportFigure(
+    "parts": ReportFigure(
         "Model",
-        _growth_figure,
-        _growth_caption,
-        lambda e: e.growth is not None and bool(e.growth.steps),
-        pure=True,
+        _parts_figure,
+        _parts_caption,
+        lambda e: e.joint_fit is not None and bool(e.joint_fit.parts),
         tab="Parts",
     ),
     "residuals": ReportFigure(

@@ -66,7 +66,7 @@ def terminal_sentences(result: Identification) -> list[str]:
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     search_notes = () if result.selection is None else result.selection.notes
     notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *_notes(e))]
-    sentences = [*_no_joint(e), *selection, *_growth_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
+    sentences = [*_no_joint(e), *selection, *_part_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
     last = [*shapes_in_words(e), tests_in_words(e), sections.search_sentence(e), *advice, *notes]
     return [_with_commands(text, result.record) for text in (*_bad(result), *sentences, *last, *_next(result))]
 
@@ -87,9 +87,9 @@ def _no_joint(e: Evaluation) -> list[str]:
     return [e.joint.sentence()] if e.joint is not None and verdict.no_joint(e) else []
 
 
-def _growth_sentences(e: Evaluation) -> list[str]:
+def _part_sentences(e: Evaluation) -> list[str]:
     """The parts of a joint."""
-    return [e.growth.sentence()] if e.growth is not None and not _no_joint(e) else []
+    return [e.joint_fit.sentence()] if e.joint_fit is not None and not _no_joint(e) else []
 
 
 def _bad(result: Identification) -> list[str]:
@@ -236,7 +236,7 @@ def _model(result: Identification) -> Section:
         "Model",
         [
             *filter(None, [sections.intervals_in_words(e)]),
-            *_growth_sentences(e),
+            *_part_sentences(e),
             *([_PHYSICS] if e.values else []),
             *(_with_commands(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
         ],

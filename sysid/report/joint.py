@@ -1,30 +1,13 @@
-"""Figures of an actuated joint: its physical values, and the parts that its growth tried."""
+"""Figures of an actuated joint: its physical values."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
-from sysid.joint.growth import MARGIN, Growth
-from sysid.joint.rounds import Step
 from sysid.joint.values import JointValue, distinct_values
-from sysid.plots.earned import Bar, earned_figure
 from sysid.report.sections import WORDS
 
-PARTS = {
-    "stribeck": "Stribeck",
-    "sticks": "Stribeck by direction",
-    "sided": "stick by direction",
-    "loss": "screw's loss",
-    "jams": "jam at stops",
-    "screw": "loss and jam",
-    "plays": "play",
-    "coasts": "coasting play",
-    "turns": "load by turns",
-    "sags": "sagging supply",
-}
 SHORT = {
     "speed_per_volt": "speed",
     "speed_full_drive": "speed",
@@ -49,35 +32,6 @@ def values_figure(values: Sequence[JointValue]) -> Figure:
     longest = max(len(panel.y.names) for panel in panels)
     columns = -(-len(panels) // rows)
     return Figure(panels, columns, shared=False, height=0.4 + rows * (0.9 + 0.28 * longest), legend="below")
-
-
-def growth_figure(growth: Growth) -> Figure:
-    """The parts that were tried, round by round, with what became of them in the hover."""
-    texts = [[_fate(growth, step) for step in steps] for steps in _rounds(growth)]
-    return earned_figure(bars(growth), MARGIN, texts)
-
-
-def bars(growth: Growth) -> list[list[Bar]]:
-    """Every part that was tried, round by round."""
-    rounds = _rounds(growth)
-    return [[(PARTS.get(s.part, s.part), s.earned, s.kept, growth.stayed(s)) for s in steps] for steps in rounds]
-
-
-def hatched(growth: Growth) -> str:
-    """What the figure of `bars` says of parts that were kept and dropped; empty if none was."""
-    return " A hatched bar is a part that the final joint does without." if growth.dropped else ""
-
-
-def _rounds(growth: Growth) -> list[list[Step]]:
-    return [[s for s in growth.steps if s.round == k] for k in range(1 + max(s.round for s in growth.steps))]
-
-
-def _fate(growth: Growth, step: Step) -> str:
-    """What a part earned and whether it stayed."""
-    fate = "kept" if growth.stayed(step) else "kept, later without it" if step.kept else "not kept"
-    note = f"<br>error on unseen parts × {step.unseen:.3f}" if np.isfinite(step.unseen) else ""
-    name = f"<b>round {step.round + 1}: {PARTS.get(step.part, step.part)}</b>"
-    return f"{name}: {fate}<br>BIC falls by {number(step.earned, 4)} to {step.bic:.0f}{note}"
 
 
 def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:

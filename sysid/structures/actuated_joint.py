@@ -73,7 +73,6 @@ _ENDED = {
 }
 _LOADED = {"polynomial": "", "periodic": " and a periodic load", "spring": " and a spring", "none": " and no load"}
 LOADS = tuple(_LOADED)
-PARTS = ("grown", "all")
 
 
 @checked
@@ -95,21 +94,20 @@ def joint_motor(load: str = "polynomial", stops: str = "both", period: float | N
 @checked
 @dataclass(frozen=True)
 class ActuatedJoint(Recipe):
-    """Settings of a joint that grows from the plain `actuated_joint`.
+    """Settings of an actuated joint with all parts (`sysid.fit_joint`), from the plain `actuated_joint`.
 
     load: "polynomial" over the stroke, "periodic" over the angle (a pendulum that turns over; `period` is a turn, by
-    default 360 of a record in degrees and 2 pi of another), "spring" or "none". stops: those that it begins with. A
-    joint with both stops and no periodic load has a linkage between motor and joint; of the others the angle is
-    proportional to the motor's. compliance: "on" for a link on a spring. parts: "grown" adds parts while they help
-    (`sysid.grow_joint`); "all" takes all of them, near usual values where the record does not show them, for a model to
-    predict with (`sysid.joint_posterior`). driver_step [V]: interval between the driver's levels; sensor_linearity
-    [unit of the output]: largest deviation of the sensor from a straight line; data sheets give both numbers.
+    default 360 of a record in degrees and 2 pi of another), "spring" or "none". stops: those that it may have. A joint
+    with both stops and no periodic load has a linkage between motor and joint; of the others the angle is proportional
+    to the motor's. compliance: "on" for a link on a spring. driver_step [V]: interval between the driver's levels;
+    sensor_linearity [unit of the output]: largest deviation of the sensor from a straight line; data sheets give both
+    numbers.
     """
 
     name: ClassVar[str] = "actuated_joint"
     searched: ClassVar[bool] = True
     least_starts: ClassVar[int] = 10  # a record in blocks has an initial position for each, and more local optima
-    grown: ClassVar[bool] = True
+    with_parts: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"  # a joint's cost bends too much for the changes of method that "auto" makes
     zero: ClassVar[str] = "volts and angles"
     input_map: str | None = static_map("driver", "an actuated joint's driver")
@@ -123,7 +121,6 @@ class ActuatedJoint(Recipe):
     load: str = choice("polynomial", "load of an actuated joint", LOADS)
     stops: str = choice("both", "end stops that an actuated joint begins with", tuple(STOPS))
     compliance: str = choice("off", "a spring between an actuated joint's drive and its link", ("off", "on"))
-    parts: str = choice("grown", "parts of an actuated joint: added while they help, or all with usual values", PARTS)
     period: float | None = number(None, "a turn of an actuated joint with a periodic load [2 pi rad]", unit="Y")
 
     def __post_init__(self) -> None:
@@ -134,7 +131,7 @@ class ActuatedJoint(Recipe):
         super().__post_init__()
 
     def model(self) -> Chain:
-        for name, value in (("load", LOADS), ("stops", tuple(STOPS)), ("compliance", ("off", "on")), ("parts", PARTS)):
+        for name, value in (("load", LOADS), ("stops", tuple(STOPS)), ("compliance", ("off", "on"))):
             if getattr(self, name) not in value:
                 raise unknown(f"{name} of a joint", getattr(self, name), value)
         return actuated_joint(
@@ -153,10 +150,6 @@ class ActuatedJoint(Recipe):
         if self.load == "periodic" and self.period is None:
             return replace(self, period=turn_of(data)).model()
         return self.model()
-
-    @property
-    def all_parts(self) -> bool:
-        return self.parts == "all"
 
     @property
     def mapped(self) -> bool:

@@ -86,7 +86,7 @@ def _known(motor: ServoMotor, gains: Mapping[str, float | None], Ts: float | Non
 @checked
 @dataclass(frozen=True)
 class ServoJoint(Recipe):
-    """Settings of a joint that grows from the plain `servo_joint`; the gains are found where they are not known.
+    """Settings of a servo joint with all parts (`sysid.fit_joint`); the gains are found where they are not known.
 
     loop: "p", "pd" or "pid". load: "pendulum" (weight, sine and cosine of the angle) or "polynomial" (springs, a
     parabola over the angle). supply: "stiff" or "sags" (it loses voltage under the servo's current). turn [unit of the
@@ -99,7 +99,7 @@ class ServoJoint(Recipe):
     name: ClassVar[str] = "servo_joint"
     searched: ClassVar[bool] = True
     least_starts: ClassVar[int] = 4
-    grown: ClassVar[bool] = True
+    with_parts: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"
     zero: ClassVar[str] = "goals and angles"
     loop: str = choice("p", "loop of the servo", LOOPS)

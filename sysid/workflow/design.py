@@ -15,7 +15,7 @@ from sysid.channels.conversion import convert
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, write_table
 from sysid.joint.design import Design, design
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.joint.values import displayed_value
 from sysid.joint.verdict import verdict
 from sysid.structures import ActuatedJoint
@@ -78,7 +78,7 @@ def propose(
 
     volts: largest input [unit of u]. strike: largest speed, in the unit of the output's column per second. `to_stops`:
     it may run into stops that the log does not show. `progress` is called before the fit, `heard` with a text after
-    each search of it; after `seconds` the fit is stopped, as `sysid.grow_joint` says, with a note in the design. Raises
+    each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design. Raises
     InputError for limits that are not positive or longer samples than the log's, before any fit; for a file that is no
     log, a log that is not a joint's, and as `sysid.joint.design.design`.
     """
@@ -93,18 +93,18 @@ def propose(
     strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
     data = ActuatedJoint().scale(record.data)
-    growth = grow_joint(data, seed=seed, progress=heard, seconds=seconds)
-    judgement = verdict(growth, data)
+    found = fit_joint(data, seed=seed, progress=heard, seconds=seconds)
+    judgement = verdict(found, data)
     if not judgement.joint:
-        prefix = f"{growth.stopped}; " if growth.stopped else ""
+        prefix = f"{found.stopped}; " if found.stopped else ""
         raise InputError(
             f"{prefix}{judgement.sentence()} No experiment is designed from it. To see the fit: qpal identify "
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
-    fit = growth.fit
+    fit = found.fit
     experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops)
-    if growth.stopped:
-        experiment = replace(experiment, notes=(growth.stopped, *experiment.notes))
+    if found.stopped:
+        experiment = replace(experiment, notes=(found.stopped, *experiment.notes))
     return Proposal(record, fit, experiment)
 
 

@@ -17,8 +17,7 @@ from sysid.diagnosis.residuals import POOR, HigherOrderTests, ResidualTests, hig
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
-from sysid.joint.growth import grow_joint
-from sysid.joint.posterior import joint_posterior
+from sysid.joint.posterior import fit_joint
 from sysid.joint.transfer import joint_band
 from sysid.joint.values import joint_values
 from sysid.joint.verdict import verdict
@@ -39,10 +38,6 @@ from sysid.workflow.setting import Setting
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
 APART = 3.0  # the same of a joint, whose two parts are the same physics
 AMPLE = 100  # samples for each parameter
-_ALL_PARTS = (
-    "the joint has all parts, near usual values where the record does not show them: use it to predict; its parts are "
-    "no evidence, for which leave --parts all out"
-)
 _FAR = 20  # samples over which the prediction of a model that integrates is judged
 _DIVERGED = -1000.0  # [%] of fit, below which a number says no more than that the run has left the data
 Progress = Callable[[str], None] | None
@@ -54,19 +49,12 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
     options: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "progress": progress}
     recipe = setting.recipe
     setting = replace(setting, search=recipe.auto if setting.search == "auto" else setting.search)
-    model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.grown)
-    if recipe.all_parts and start is None:
-        if setting.seconds < np.inf:
-            raise InputError("--seconds does not limit a joint with all parts, which takes seconds; leave it out")
-        fit = joint_posterior(estimation, model, **options)
-        result = evaluate_fit(setting, fit, estimation, validation)
-        return replace(result, notes=(*result.notes, _ALL_PARTS))
-    if recipe.grown and start is None:
-        growth = grow_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)
-        missing = setting.held.missing_in(growth.fit.model)
-        joint = verdict(growth, estimation)
-        result = evaluate_fit(setting, growth.fit, estimation, validation, physical=joint.joint)
-        return replace(result, growth=growth, joint=joint, notes=(*result.notes, *growth.warnings, *missing))
+    model, start = setting.held.apply(recipe.model_of(estimation), estimation, recipe.with_parts)
+    if recipe.with_parts and start is None:
+        found = fit_joint(estimation, model, search=setting.search, seconds=setting.seconds, **options)
+        joint = verdict(found, estimation)
+        result = evaluate_fit(setting, found.fit, estimation, validation, physical=joint.joint)
+        return replace(result, joint_fit=found, joint=joint, notes=(*result.notes, *found.warnings))
     if start is not None:
         saved = setting.held.start
         same = saved is not None and isinstance(model, Chain) and model.blocks == saved.model.blocks
@@ -75,7 +63,8 @@ def evaluate(setting: Setting, estimation: IOData, validation: IOData, progress:
         iterations = NETWORK_ITERATIONS if isinstance(model, Nlarx) else Options.max_iterations
         options["options"] = Options(max_iterations=iterations, max_seconds=setting.seconds)
     if isinstance(model, Chain):
-        options["objective"] = Objective(knots=setting.knots)
+        prior = options["start"].prior if isinstance(options.get("start"), Fit) else None
+        options["objective"] = Objective(knots=setting.knots, prior=prior)
     try:
         fit = fit_model(model, estimation, search=setting.search, **options)
     except InputError as error:

@@ -195,6 +195,6 @@ def _search(
     recipe = selection.chosen.candidate
     setting = Setting(recipe, auto.search, auto.starts, auto.seed)
     parts = recipe.scale(estimation), recipe.scale(validation)
-    if recipe.grown:  # the search tried the plain one
+    if recipe.with_parts:  # the search tried the plain one
         return selection, evaluate(setting, *parts, progress)
     return selection, evaluate_fit(setting, selection.fit, *parts)

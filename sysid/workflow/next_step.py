@@ -49,7 +49,7 @@ def next_step(result: Identification) -> NextStep | None:
     rules: tuple[_Rule, ...] = ()
     if is_bad and (first := _logging_fault(result)) is not None:
         return first
-    if not e.fit.stop.converged or (e.growth is not None and e.growth.stopped):
+    if not e.fit.stop.converged or (e.joint_fit is not None and e.joint_fit.stopped):
         longer_search = _more_time(result)
         if longer_search is not None:  # what else may be wrong is seen after the whole search
             return longer_search

@@ -12,7 +12,7 @@ from sysid.data.record import IOData
 from sysid.diagnosis.advice import Advice
 from sysid.diagnosis.residuals import HigherOrderTests, ResidualTests
 from sysid.estimation.result import Fit
-from sysid.joint.growth import Growth
+from sysid.joint.posterior import JointFit
 from sysid.joint.values import JointValue, displayed_value
 from sysid.joint.verdict import Verdict
 from sysid.nlarx.result import NlarxFit
@@ -95,11 +95,11 @@ class Evaluation:
     tangent linear model (None if there is no such model). `maps` holds the static curves in the order of the signal.
     `tests` and `higher` are None if the validation part is too short; `notes` gives the reason. `roots` are the poles
     with their intervals, None if the record gives none. A nonlinear ARX model has `one_step` and neither poles nor
-    maps, an ARMAX model has all. An actuated joint has `values`, `growth` and `joint`, and no poles; where `joint` says
-    that the record is not that of a joint, there are no values. Of several inputs or outputs the runs are (N, ny), the
-    fits means over the outputs, `outputs` has those of each, `inputs` names and units; `tests` are the worst. `band` is
-    that of the validation run, from the noise and from what the estimation data leave open of the model; None where
-    they give none, and of a model that predicts.
+    maps, an ARMAX model has all. An actuated joint has `values`, `joint_fit` and `joint`, and no poles;
+    where `joint` says that the record is not that of a joint, there are no values. Of several inputs or outputs the
+    runs are (N, ny), the fits means over the outputs, `outputs` has those of each, `inputs` names and units; `tests`
+    are the worst. `band` is that of the validation run, from the noise and from what the estimation data leave open of
+    the model; None where they give none, and of a model that predicts.
     """
 
     setting: Setting
@@ -117,7 +117,7 @@ class Evaluation:
     roots: tuple[Root, ...] | None = None
     one_step: OneStep | None = None
     values: tuple[JointValue, ...] = ()
-    growth: Growth | None = None
+    joint_fit: JointFit | None = None
     joint: Verdict | None = None
     notes: tuple[str, ...] = ()
     inputs: tuple[tuple[str, str], ...] = ()
@@ -214,8 +214,8 @@ class Evaluation:
             summary["one_step_fit_percent"] = self.one_step.as_dict()
         if self.values:
             summary["values"] = [vars(displayed_value(value)) for value in self.values]
-        if self.growth is not None:
-            summary["growth"] = self.growth.as_dict()
+        if self.joint_fit is not None:
+            summary["joint_fit"] = self.joint_fit.as_dict()
         if self.joint is not None:
             summary["joint"] = self.joint.as_dict()
         return summary

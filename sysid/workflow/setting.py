@@ -62,16 +62,10 @@ class Held:
         """The same without the saved fit, and without what was held at its values."""
         return Held(tuple(pair for pair in self.fixed if pair[1] is not None), self.bounds)
 
-    def missing_in(self, chain: Chain) -> tuple[str, ...]:
-        """A sentence if a grown model has parameters of these no more."""
-        names = [*(name for name, _ in self.fixed), *(name for name, _ in self.bounds)]
-        missing = [name for name in names if name not in chain.names and chain.block(name) is None]
-        return (f"the joint has grown without {', '.join(missing)}, so nothing is held there",) if missing else ()
-
-    def apply(self, chain: Any, data: IOData, grown: bool = False) -> tuple[Any, np.ndarray | None]:
+    def apply(self, chain: Any, data: IOData, with_parts: bool = False) -> tuple[Any, np.ndarray | None]:
         """The model with all this, and its starting point theta (P,) if there is a saved fit.
 
-        Of a `grown` structure a saved fit keeps the parts that it has.
+        Of a structure `with_parts` a saved fit keeps the parts that it has.
 
         Raises InputError for a name that the chain lacks, for values that a parameter cannot have, and for a saved fit
         of another model.
@@ -86,7 +80,7 @@ class Held:
         theta = None
         if self.start is not None:
             self._check_rate(data)
-            keeps_saved_model = grown and chain.structure == self.start.model.structure
+            keeps_saved_model = with_parts and chain.structure == self.start.model.structure
             chain, theta = (
                 (self.start.model, self.start.theta) if keeps_saved_model else started(chain, self.start, data)
             )

@@ -137,7 +137,7 @@ def test_the_script_gives_the_same_fit_to_the_last_bit(desk, tmp_path):
 @pytest.mark.parametrize(
     ("structure", "settings", "call"),
     [
-        ("actuated_joint", {}, "sysid.grow_joint("),
+        ("actuated_joint", {}, "sysid.fit_joint("),
         ("hammerstein", {"nb": 1, "nf": 1, "nk": 1, "input_map": "saturation"}, "input_map='saturation'"),
         ("nlarx", {}, "sysid.structures.NonlinearArx()"),
         ("state_space", {}, "sysid.fit("),

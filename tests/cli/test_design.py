@@ -63,7 +63,7 @@ def test_a_speed_is_limited_and_told_in_the_unit_of_the_file(first, tmp_path, ca
 
 
 def test_limits_that_cannot_be_are_refused_before_the_fit(first, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sysid.workflow.design.grow_joint", lambda *_, **__: pytest.fail("the joint is fitted"))
+    monkeypatch.setattr("sysid.workflow.design.fit_joint", lambda *_, **__: pytest.fail("the joint is fitted"))
     for option, value, said in (
         ("--volts", "0", "--volts is 0; give a positive number"),
         ("--strike", "-1", "--strike is -1; give a positive number"),

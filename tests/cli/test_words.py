@@ -97,8 +97,8 @@ def test_a_log_of_no_joint_is_told_in_whole_sentences(monkeypatch):
     data = SimpleNamespace(Ts=0.1)
     monkeypatch.setattr(design_of, "read_record", lambda path, **columns: SimpleNamespace(data=data))
     monkeypatch.setattr(design_of.ActuatedJoint, "scale", lambda self, data: data)
-    monkeypatch.setattr(design_of, "grow_joint", lambda data, **options: SimpleNamespace(stopped="", fit=None))
-    monkeypatch.setattr(design_of, "verdict", lambda growth, data: said)
+    monkeypatch.setattr(design_of, "fit_joint", lambda data, **options: SimpleNamespace(stopped="", fit=None))
+    monkeypatch.setattr(design_of, "verdict", lambda joint, data: said)
     with pytest.raises(InputError) as error:
         design_of.propose("a.csv", ())
     assert str(error.value) == (

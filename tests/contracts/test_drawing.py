@@ -6,7 +6,7 @@ from plotly import graph_objects
 
 from sysid.base import style
 from sysid.drawing.axes import draw
-from sysid.drawing.figure import Axis, Band, Bars, Figure, Line, Panel, Points, Ranges, Rule, Span, Stems
+from sysid.drawing.figure import Axis, Band, Figure, Line, Panel, Points, Ranges, Rule, Span, Stems
 from sysid.drawing.plotly import plotly
 
 X = np.array([0.0, 1.0, 2.0])
@@ -62,16 +62,3 @@ def test_an_area_may_have_any_colour_of_the_house(colour):
     _, zoom = drawn(Band(X, X, X + 1.0, "band", colour), Span(0.0, 1.0, colour=colour))
     assert zoom.data[0].fill == "toself"
     assert zoom.layout.shapes[0].fillcolor == zoom.data[0].fillcolor
-
-
-def test_a_linear_and_logarithmic_axis_has_a_unit_for_each_decade():
-    """Bars of 0.5, 1, 10, 100 and -1000 times the linear part; ticks stand where their numbers do."""
-    names = Axis(names=("a", "b", "c", "d", "e"))
-    bars = Bars([5.0, 10.0, 100.0, 1000.0, -10000.0])
-    _, zoom = drawn(bars, Rule(30.0), y=names, x=Axis(log=True, linear_below=10.0))
-    np.testing.assert_allclose(zoom.data[0].x, [0.5, 1.0, 2.0, 3.0, -4.0])
-    axis = zoom.layout.xaxis
-    places = dict(zip(axis.ticktext, axis.tickvals, strict=True))
-    assert (places["0"], places["10"], places["100"], places["1000"]) == (0.0, 1.0, 2.0, 3.0)
-    assert zoom.layout.shapes[0].x0 == pytest.approx(1.0 + np.log10(3.0))
-    assert axis.range[0] < -4.0 < 3.0 < axis.range[1]

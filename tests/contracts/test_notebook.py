@@ -42,8 +42,8 @@ def network():
 
 
 @pytest.fixture(scope="module")
-def growth():
-    return shown.growth()
+def joint():
+    return shown.joint_fit()
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +56,7 @@ def selection(linear):
 
 
 @pytest.fixture(scope="module")
-def things(data, fit, linear, network, growth, selection):
+def things(data, fit, linear, network, joint, selection):
     return {
         "record": data,
         "experiments": sysid.IOData.merge(*(data[k : k + 20] for k in range(0, 400, 20))),
@@ -64,7 +64,7 @@ def things(data, fit, linear, network, growth, selection):
         "fit": fit,
         "linear": linear,
         "nlarx": network,
-        "growth": growth,
+        "joint": joint,
         "selection": selection,
         "comparison": sysid.compare(data, fit, linear, network),
         "tests": linear.residual_tests(data),
@@ -107,7 +107,7 @@ KINDS = (
     "fit",
     "linear",
     "nlarx",
-    "growth",
+    "joint",
     "selection",
     "comparison",
     "tests",
@@ -260,10 +260,10 @@ def test_a_gain_where_the_maps_are_flat_is_not_determined(data, fit, monkeypatch
         assert said in text
 
 
-def test_warnings_are_told_and_at_most_three(fit, growth):
+def test_warnings_are_told_and_at_most_three(fit, joint):
     warned = replace(fit, warnings=tuple(f"number {k}" for k in range(5)))
     assert str(warned).count("Warning: number") == 3
-    assert str(growth).count("Warning:") == 3
+    assert str(joint).count("Warning:") == 3
 
 
 def test_a_fit_knows_its_record_and_its_file_does_not(data, fit, tmp_path):
@@ -282,7 +282,7 @@ def test_a_fit_knows_its_record_and_its_file_does_not(data, fit, tmp_path):
     np.testing.assert_allclose([m.frequency for m in read.modes()], [m.frequency for m in fit.modes()])
 
 
-def test_a_search_and_a_growth_hand_over_fits_that_know_their_record(data):
+def test_a_search_hands_over_a_fit_that_knows_its_record(data):
     space = sysid.selection.space.Space(nb=(1,), nf=(1,), nk=(1,), structures=("output_error",), starts=1, grows=False)
     found = sysid.select(data, space, jobs=1, seconds=30)
     assert found.fit.record is data

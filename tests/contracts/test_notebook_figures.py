@@ -41,8 +41,8 @@ def network():
 
 
 @pytest.fixture
-def growth():
-    return shown.growth()
+def joint():
+    return shown.joint_fit()
 
 
 @pytest.mark.parametrize("what", ["output", "residuals", "poles", "bode", "step", "maps"])
@@ -114,26 +114,15 @@ def test_several_channels_have_a_panel_each_and_experiments_a_border():
         assert ax.lines[1].get_xdata()[0] == pytest.approx(4.95)
 
 
-def test_figures_of_growth_and_comparison(growth, data, fit, linear, network):
-    first, second = growth.plot().axes
-    assert [bar.get_width() for bar in first.patches] == [50.0, -10.0]
-    assert [text.get_text() for text in first.get_yticklabels()] == ["Stribeck", "screw's loss"]
-    assert second.patches[0].get_facecolor()[3] == 0.0  # not kept: an empty bar
-    with pytest.raises(sysid.InputError, match="nothing to draw"):
-        replace(growth, steps=()).plot()
+def test_figures_of_the_parts_of_a_joint_and_of_a_comparison(joint, data, fit, linear, network):
+    (axes,) = joint.plot().axes
+    assert [text.get_text() for text in axes.get_yticklabels()] == ["stick, upward", "screw's loss", "backlash"]
+    points = {line.get_label(): line.get_xdata() for line in axes.lines}
+    np.testing.assert_allclose(points["this joint, 95 % interval"], [0.5 / 0.3, 0.0, 0.01 / 0.015])
+    with pytest.raises(sysid.InputError, match="no part to draw"):
+        replace(joint, parts=()).plot()
     (bars,) = sysid.compare(data, fit, linear, network).plot().axes
     assert len(bars.patches) == 3
-
-
-def test_a_part_that_the_grown_joint_does_without_is_hatched_and_explained(growth):
-    def drawn(found):
-        figure = found.plot()
-        said = " ".join(text.get_text() for text in figure.texts).replace("\n", " ")
-        bar = figure.axes[0].patches[0]
-        return bar.get_hatch() or "", bar.get_facecolor()[3], "A hatched bar is a part" in said
-
-    assert drawn(replace(growth, dropped=("stribeck",))) == ("////", 0.0, True)
-    assert drawn(growth)[1:] == (1.0, False)
 
 
 def test_a_figure_that_a_model_has_not_is_refused_with_what_it_has(fit, linear, network):

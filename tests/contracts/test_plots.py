@@ -6,6 +6,7 @@ from dataclasses import replace
 import matplotlib as mpl
 import numpy as np
 import pytest
+import shown
 
 import sysid
 from sysid import plots
@@ -184,9 +185,9 @@ def drawings(case):
     maps = curves.curves(info)
     return {
         "bode": ((responses.frequency(info),), 2),
+        "usual": ((shown.joint_fit().parts,), 1),
         "close_ups": ((data, fit.simulate(data)), 2),
         "comparison": ((sysid.compare(data, fit),), 1),
-        "earned": (([[("Stribeck", 50.0, True, True), ("play", -3.0, False, False)]], 30.0), 1),
         "fitted": ((data, fit.simulate(data), [90.0]), 2),
         "free_run": ((runs[0], runs[1], runs[1]), 4),
         "free_runs": ((runs,), 2),

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import shown
 from plotly import graph_objects
 
 import sysid
@@ -18,8 +19,6 @@ from sysid.data.record import IOData
 from sysid.diagnosis.residuals import residual_tests
 from sysid.drawing.departure import departure
 from sysid.drawing.plotly import plotly
-from sysid.joint.growth import Growth
-from sysid.joint.rounds import Step
 from sysid.joint.values import JointValue
 from sysid.plots import Run, free_run, free_runs
 from sysid.plots.free_runs import runs_figure
@@ -28,8 +27,9 @@ from sysid.plots.records import Signal, lines_figure, parts_figure, record_figur
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import maps_figure
+from sysid.plots.usual import usual_figure
 from sysid.report.figures import joined_figure
-from sysid.report.joint import growth_figure, values_figure
+from sysid.report.joint import values_figure
 from sysid.report.page import element
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
@@ -88,8 +88,6 @@ def values():
 def figures(data, fit, evaluation):
     info = information(fit, evaluation.estimation)
     e = evaluation.validation.y[:, 0] - evaluation.validation_output
-    steps = (Step(0, "stribeck", 100.0, 250.0, True, 0.9), Step(0, "plays", 360.0, -10.0, False))
-    grown = Growth(fit, 350.0, steps)
     return {
         name: plotly(figure)
         for name, figure in {
@@ -107,7 +105,7 @@ def figures(data, fit, evaluation):
             "bode": bode_figure(responses.frequency(info), "rad", "V"),
             "step": step_figure(responses.step(info), "rad", "V", "angle"),
             "values": values_figure(values()),
-            "growth": growth_figure(grown),
+            "joint": usual_figure(shown.joint_fit().parts),
         }.items()
     }
 
@@ -136,7 +134,7 @@ def test_every_figure_is_one_of_plotly_and_of_json(figures):
 def test_axes_name_their_units_in_degrees(figures):
     for name, figure in figures.items():
         labels = [axis["title"]["text"] for letter in "xy" for axis in axes(figure, letter).values()]
-        category = name in ("values", "growth")
+        category = name in ("values", "joint")
         assert all(labels) or category, name
         for label in filter(None, labels):
             pure = name == "static_maps" and "signal" in label
@@ -345,33 +343,6 @@ def test_values_have_intervals_in_degrees_and_open_points_say_why(figures):
     assert "not reached" in open_["hovertext"][0]
     backlash = [t["xaxis"] for t in figures["values"]["data"] if "backlash" in t["y"]]
     assert backlash != [low["xaxis"]]  # a hundredth of the travel needs its own axis
-
-
-def test_growth_tells_what_a_part_earned(figures):
-    (bars,) = figures["growth"]["data"]
-    axis = figures["growth"]["layout"]["xaxis"]
-    lines = [shape["x0"] for shape in figures["growth"]["layout"]["shapes"]]
-    numbers = dict(zip(axis["ticktext"], axis["tickvals"], strict=True))
-    assert [numbers["0"], numbers["30"]] == lines  # each line stands at a number
-    assert axis["range"][0] < min(*bars["x"], 0.0)
-    assert max(*bars["x"], numbers["30"]) < axis["range"][1]
-    assert [note["text"] for note in figures["growth"]["layout"]["annotations"]] == ["<b>round 1</b>"]
-    assert bars["y"] == ["Stribeck", "play"]
-    assert bars["x"][0] > 0 > bars["x"][1]
-    assert "BIC falls by 250.0 to 100" in bars["hovertext"][0]
-    assert bars["marker"]["pattern"]["shape"] == ["", ""]
-
-
-def test_a_part_that_the_joint_does_without_is_hatched_as_its_caption_says(fit):
-    steps = (
-        Step(0, "stribeck", 100.0, 250.0, True),
-        Step(1, "plays", 60.0, 40.0, True),
-        Step(2, "lag", 60.0, -1, False),
-    )
-    bars = plotly(growth_figure(Growth(fit, 350.0, steps, dropped=("stribeck",))))["data"]
-    assert [trace["marker"]["pattern"]["shape"] for trace in bars] == [["/"], [""], [""]]
-    (first,), (second,), (third,) = (trace["marker"]["color"] for trace in bars)
-    assert first == second != third  # plotly draws no hatch on a bar without a colour
 
 
 def test_an_element_gives_back_its_figure_and_no_text_ends_the_script(data):

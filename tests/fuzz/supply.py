@@ -17,6 +17,7 @@ class Supply:
         import sysid.data.preprocess
         import twin
         import twin.robot.gait
+        from sysid.joint.parts import PartEvidence
         from sysid.plots import Run
         from twin.plant import stepping
 
@@ -72,7 +73,7 @@ class Supply:
             ("mjcf.fragment", "fit"): joint, ("curves.curve", "role"): "linear", ("Chain", "blocks"): chain.blocks,
             ("dynamic", "parameters"): {"gain": 1.0}, ("dynamic", "step"): LAG, ("cross_validate", "folds"): 2,
             ("parameter_file.read", "path"): str(_params()), ("parameter_file.write", "path"): "p.toml",
-            ("write_table", "path"): "new.csv", ("grow_joint", "starts"): 1, ("Follower.readings", "parameters"):
+            ("write_table", "path"): "new.csv", ("fit_joint", "starts"): 1, ("Follower.readings", "parameters"):
             [parameters], ("Follower.courses", "parameters"): [parameters], ("select", "seconds"): 3.0,
             ("compare", "log"): log, ("crawl.run", "draws"): 0, ("searches.search", "name"): "lm",
             ("compare.compare_model", "fit"): sysid.fit(chain, log.io(), starts=1, options=few),
@@ -85,7 +86,7 @@ class Supply:
         }  # fmt: skip
         self.by_owner |= {
             ("bla.estimate", "data"): periodic, ("find_period", "u"): periodic.u[:, 0], ("parametric", "bla"): bla,
-            ("butterworth", "cutoff"): 1.0, ("fill", "values"): y, ("grow_joint", "data"): data[:60],
+            ("butterworth", "cutoff"): 1.0, ("fill", "values"): y, ("fit_joint", "data"): data[:60],
             ("curves.curve", "info"): bent, ("curves.curve", "role"): curved.blocks[0].role,
             ("intervals.interval", "value"): 1.0, ("intervals.interval", "gradient"): np.ones(len(fit.theta)),
             ("intervals.band", "value"): np.ones(3), ("intervals.band", "x"): np.arange(3.0),
@@ -100,7 +101,7 @@ class Supply:
             ("plots.steady_state", "band"): intervals.steady_state(info), ("plots.simulated", "band"):
             bands.linear(info), ("pole_zero", "poles"): intervals.poles(info), ("pole_zero_map", "poles"):
             intervals.poles(info), ("static_curve", "curve"): curve, ("static_maps", "curves"): [curve],
-            ("plots.earned", "rounds"): [[("stribeck", 30.0, True, True)]], ("plots.earned", "margin"): 1.0,
+            ("plots.usual", "parts"): [PartEvidence("motor.loss", "loss", "", 0.1, 0.1, 0.2, 0.3, 1.0)],
             ("Experiment.record", "shown"): board, ("merge", "records"): [data], ("sysid.compare", "fits"): [fit],
             ("from_pandas", "table"): data.to_pandas(), ("from_xarray", "table"): data.to_xarray(),
         }  # fmt: skip
@@ -119,7 +120,7 @@ class Supply:
             "sysid.fit_from": {"options": few},
             "sysid.cross_validate": {"folds": 2, "starts": 1, "options": few},
             "sysid.select": {"seconds": 2.0, "jobs": 1},
-            "sysid.grow_joint": {"starts": 1, "parts": ()},
+            "sysid.fit_joint": {"starts": 1, "parts": ()},
             "twin.Experiment": {"duration": 4.0, "excitation": "steps"},
             "sysid.uncertainty.bands.monte_carlo": {"draws": 20},
             "sysid.blocks.Channels": {"maps": (blocks.Saturation(),)},

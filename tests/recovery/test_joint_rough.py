@@ -1,16 +1,14 @@
-"""What growth searches on: a record in stretches or with fewer samples, and a joint without parts that say nothing."""
+"""A record in stretches, and a joint at another sampling time."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import sysid
 from sysid.blocks import Compliance, Motor
 from sysid.data.record import IOData
-from sysid.excitations import Staircase, Sweep
-from sysid.joint.parts import PARTS, prune, remaining_parts
-from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
+from sysid.excitations import Sweep
+from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
@@ -36,28 +34,12 @@ def fast() -> IOData:
     return IOData(u, JAMS.simulate(theta_of(JAMS), u), TS)
 
 
-def test_a_joint_with_fewer_samples_is_the_same_joint(fast: IOData) -> None:
+def test_a_joint_at_another_sampling_time_is_the_same_joint(fast: IOData) -> None:
     """Between switches a motor under a held input is solved exactly: its samples lie on one curve at either rate."""
     assert np.ptp(fast.y) == pytest.approx(1.0)  # it meets both stops, and jams there
-    slow = thin(fast, K)
-    assert (slow.N, slow.Ts) == (fast.N // K, K * TS)
     theta = theta_at_rate(JAMS, theta_of(JAMS), 1.0 / K)
-    np.testing.assert_allclose(JAMS.simulate(theta, slow.u), slow.y[:, 0], atol=1e-9)
+    np.testing.assert_allclose(JAMS.simulate(theta, fast.u[::K]), fast.y[::K, 0], atol=1e-9)
     np.testing.assert_allclose(theta_at_rate(JAMS, theta, K), theta_of(JAMS), rtol=1e-12)
-
-
-def test_fewer_samples_leave_enough_of_the_record_and_of_every_way(fast: IOData) -> None:
-    """A joint that crosses in about 120 samples may have fewer; one that crosses in thirty may not."""
-    assert thinning_factor(fast, JAMS) == 1
-    u = fast.u
-    slow = IOData(u, JAMS.simulate(theta_of(JAMS, {"gain": 0.001}), u), TS)
-    k = thinning_factor(slow, JAMS)
-    assert k > 1
-    assert slow.N / k >= ENOUGH_SAMPLES
-    assert np.abs(np.diff(thin(slow, k).y[:, 0])).max() < 0.05  # twenty samples from end to end at the fastest
-    assert thinning_factor(slow.select(0, 2 * ENOUGH_SAMPLES - 1), JAMS) == 1
-    timed = actuated_joint(motor=Motor(load=1, jams=True), knots=None, play=False, fixed={"motor.delay": 2.7})
-    assert thinning_factor(slow, timed) == 1  # a delay in samples would no longer be the one that was given
 
 
 def test_stretches_are_the_record_cut_where_it_rests() -> None:
@@ -79,31 +61,6 @@ def test_stretches_are_the_record_cut_where_it_rests() -> None:
     assert cut_at_rests(data.select(0, 700), JAMS).lengths == (700,)
     sprung = actuated_joint(motor=Motor(load=1), knots=None, play=False, compliance=Compliance())
     assert cut_at_rests(data, sprung) is data  # whose spring is bent where it rests
-
-
-def test_parts_that_were_kept_are_told_without_those_dropped() -> None:
-    assert remaining_parts(("screw", "stribeck", "coasts"), ("jams",)) == ("loss", "stribeck", "coasts")
-    assert remaining_parts(("screw",), ("jams", "loss")) == ()
-    assert remaining_parts(("stribeck", "coasts"), ("coasts",)) == ("stribeck",)
-    assert set(remaining_parts(tuple(PARTS), ())) == set(PARTS)
-
-
-def test_a_part_that_says_nothing_of_the_record_is_dropped_and_one_that_does_is_not() -> None:
-    """The plant has Stribeck friction and no jam; a jam that fits into the rests of the record costs nothing there."""
-    motor = Motor(load=1, stribeck=True, substeps=4)
-    plant = actuated_joint(motor=motor, knots=None, play=False)
-    richer = actuated_joint(motor=Motor(load=1, stribeck=True, jams=True, substeps=4), knots=None, play=False)
-    true = {"stick": 0.8, "stick_speed": 0.004}
-    stairs = Staircase(amplitude=8.0, hold=0.3, steps=60, order="stairs").generate(2000, TS, np.random.default_rng(1))
-    u = np.concatenate([drive(2000, K, seed=1), stairs])
-    y = plant.simulate(theta_of(plant, true), u)
-    data = IOData(u, y + 0.002 * np.random.default_rng(2).normal(size=len(y)), TS)
-    fit = sysid.fit(richer, data, search="lm", start=theta_of(richer, true | {"jam": 20.0}))
-    left, dropped = prune(fit, data, ("stribeck", "jams"), 30.0, {"search": "lm", "seed": 0, "progress": None})
-    assert dropped == ("jams",)
-    assert left.model.names == plant.names
-    assert left.criteria.bic <= fit.criteria.bic + 30.0
-    assert np.sqrt(left.criteria.mse) == pytest.approx(0.002, rel=0.05)
 
 
 def test_bounds_of_speeds_go_with_the_sampling_time_and_those_of_voltages_stay() -> None:

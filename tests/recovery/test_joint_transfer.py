@@ -9,7 +9,7 @@ import twin
 from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.excitations import Sweep
-from sysid.joint.posterior import joint_posterior
+from sysid.joint.posterior import fit_joint
 from sysid.joint.transfer import joint_band, joint_information
 from sysid.structures import actuated_joint
 from sysid.uncertainty.bands import linear, monte_carlo
@@ -59,7 +59,7 @@ def test_the_band_holds_on_another_kind_of_input(seed):
         sweep = twin.Experiment(joint, "sweep", 125.0, TS, 3 * seed, (), leg, options).run().io()
         levels = {"amplitude": leg["supply_voltage"]}
         other = twin.Experiment(joint, "aprbs", 125.0, TS, 3 * seed + 1, (), leg, levels).run().io()
-        fit = joint_posterior(sweep, actuated_joint(play=False), seed=seed)
+        fit = fit_joint(sweep, seed=seed).fit
         band, n = joint_band(fit, sweep, other), fit.n_init
         narrow = linear(information(fit, sweep, lags="auto"), other, noise=True)
         held.append([np.mean(((b.lower <= other.y[:, 0]) & (other.y[:, 0] <= b.upper))[n:]) for b in (band, narrow)])

@@ -13,7 +13,7 @@ from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.excitations import Aprbs
 from sysid.joint import verdict as rules
-from sysid.joint.growth import Growth, grow_joint
+from sysid.joint.posterior import JointFit, fit_joint
 from sysid.joint.verdict import verdict
 from sysid.report import identify as report
 from sysid.structures import ActuatedJoint, actuated_joint
@@ -66,7 +66,7 @@ def record(made, seed: int = 0) -> IOData:
 )
 def test_a_record_that_no_motor_made_is_not_a_joint_and_the_reason_says_why(made, why: str) -> None:
     data = record(made)
-    said = verdict(grow_joint(data, parts=()), data)
+    said = verdict(fit_joint(data, parts=()), data)
     assert not said.joint
     assert why in said.sentence()
     assert said.sentence().startswith("This record is not that of an actuated joint")
@@ -74,11 +74,11 @@ def test_a_record_that_no_motor_made_is_not_a_joint_and_the_reason_says_why(made
 
 def test_a_joint_is_a_joint_and_its_friction_is_that_of_the_record() -> None:
     data = record(joint)
-    growth = grow_joint(data, parts=())
-    said = verdict(growth, data)
+    found = fit_joint(data, parts=())
+    said = verdict(found, data)
     assert said.joint
     assert said.sentence() == ""
-    assert growth.ends == "both"
+    assert found.ends == "both"
     assert said.friction == pytest.approx(1.35 / np.std(data.u), rel=0.05)
     assert said.general_unseen < said.unseen
 
@@ -87,13 +87,13 @@ def test_a_joint_is_a_joint_and_its_friction_is_that_of_the_record() -> None:
 def test_bic_alone_refuses_no_joint_that_is_clearly_better_on_unseen_parts(unseen, is_joint, monkeypatch) -> None:
     """Beside a general model of lower BIC whose error on unseen parts is the joint's divided by `unseen`."""
     data = record(joint)
-    growth = grow_joint(data, parts=())
-    error = (100.0 - growth.unseen_percent) / unseen
-    criteria = SimpleNamespace(bic=growth.fit.criteria.bic - 1e4, mse=growth.fit.criteria.mse)
+    found = fit_joint(data, parts=())
+    error = (100.0 - found.unseen_percent) / unseen
+    criteria = SimpleNamespace(bic=found.fit.criteria.bic - 1e4, mse=found.fit.criteria.mse)
     general = SimpleNamespace(model=None, theta=None, criteria=criteria)
     monkeypatch.setattr(rules, "_fit_general", lambda chain, data: general)
     monkeypatch.setattr(rules, "holdout_errors", lambda *args: SimpleNamespace(percent=100.0 - error))
-    said = verdict(growth, data)
+    said = verdict(found, data)
     assert said.joint is is_joint
     assert ("explains it as well" in said.reason) is not is_joint
 
@@ -120,7 +120,7 @@ def test_a_refusal_is_the_first_sentence_and_no_physical_value_is_told(tmp_path:
     assert result.next.command == f"qpal identify {file} --structure auto"
 
 
-def without_stops(seed: int) -> tuple[IOData, Growth]:
+def without_stops(seed: int) -> tuple[IOData, JointFit]:
     """A motor in the unit of its sensor, which nothing ends."""
     rng = np.random.default_rng([seed, 62])
     chain = actuated_joint(motor=Motor(load=0, stops=False), knots=None, play=False)
@@ -128,20 +128,20 @@ def without_stops(seed: int) -> tuple[IOData, Growth]:
     u = levels(rng)
     y = chain.simulate(np.array([known.get(name, 0.0) for name in chain.names]), u)
     data = IOData(u, y + 0.003 * np.std(y) * rng.normal(size=N), TS)
-    return data, grow_joint(data, parts=())
+    return data, fit_joint(data, parts=())
 
 
 @pytest.mark.parametrize("seed", often(4, 2))
 def test_a_motor_without_stops_gets_none(seed: int) -> None:
-    _, growth = without_stops(seed)
-    assert growth.ends in ("straight", "none")
-    assert "end stop" in growth.sentence()
-    value = dict(zip(growth.fit.model.names, growth.fit.theta, strict=True))
+    _, found = without_stops(seed)
+    assert found.ends in ("straight", "none")
+    assert "end stop" in found.sentence()
+    value = dict(zip(found.fit.model.names, found.fit.theta, strict=True))
     assert value["motor.rise"] == pytest.approx(1.2, rel=0.1)
     assert not {"motor.lower", "motor.upper"} & set(value)
 
 
-def test_a_pendulum_over_several_turns_grows_a_load_that_repeats() -> None:
+def test_a_pendulum_over_several_turns_gets_a_load_that_repeats() -> None:
     """Volts to an angle without end: the pull is a sine of the angle, which no parabola follows."""
     rng = np.random.default_rng(63)
     chain = actuated_joint(motor=Motor(load=0, periodic=1, stops=False), knots=None, play=False)
@@ -150,9 +150,9 @@ def test_a_pendulum_over_several_turns_grows_a_load_that_repeats() -> None:
     y = chain.simulate(np.array([known.get(name, 0.0) for name in chain.names]), u)
     assert np.ptp(y) > 2 * np.pi
     data = IOData(u, y + 0.003 * rng.normal(size=N), TS, y_unit="rad")
-    growth = grow_joint(data, parts=("turns",))
-    assert growth.parts == ("turns",)
-    value = dict(zip(growth.fit.model.names, growth.fit.theta, strict=True))
+    found = fit_joint(data)
+    assert found.fit.model.blocks[0].periodic == 1
+    value = dict(zip(found.fit.model.names, found.fit.theta, strict=True))
     assert value["motor.sine1"] == pytest.approx(3.0, rel=0.05)
     assert value["motor.rise"] == pytest.approx(0.8, rel=0.05)
-    assert growth.unseen_percent > 97.0
+    assert found.unseen_percent > 97.0

@@ -134,14 +134,14 @@ def test_every_structure_keeps_its_best_row_and_one_that_is_not_asked_for_has_no
     assert ActuatedJoint() not in {r.candidate for r in none.rows}
 
 
-def test_a_joint_that_a_search_finds_grows_on_the_scale_of_the_file(tmp_path, monkeypatch):
+def test_a_joint_that_a_search_finds_has_all_parts_on_the_scale_of_the_file(tmp_path, monkeypatch):
     record = joint_record(600)
     np.savetxt(tmp_path / "joint.csv", np.column_stack([record.u, record.y]), delimiter=",", header="u,y", comments="")
     monkeypatch.setattr(identification, "Space", lambda starts: replace(SMALL, starts=starts))
     found = identification.identify_file(tmp_path / "joint.csv", identification.Auto("lm", 1), "u", "y", Ts=0.1)
     assert found.selection.chosen.candidate == found.evaluation.setting.recipe == ActuatedJoint()
     assert found.detrend == "none"
-    assert found.evaluation.growth is not None
+    assert found.evaluation.joint_fit is not None
     np.testing.assert_allclose(found.evaluation.estimation.y, record.y[:300], atol=1e-12)
     ends = {v.name: v.value for v in found.evaluation.values if v.name.startswith("end_")}
     assert ends == pytest.approx({"end_low": 2.0, "end_high": 5.0}, abs=0.05)

@@ -7,7 +7,7 @@ import numpy as np
 from often import often
 
 from sysid.data.record import IOData
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.joint.verdict import verdict
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "scripts"))
@@ -28,7 +28,7 @@ def log(seed: int) -> IOData:
 
 def test_short_logs_of_a_servo_are_joints_or_undetermined() -> None:
     """Of four, two are joints and one is undetermined; on one a Hammerstein-Wiener model is as good in every way."""
-    said = [verdict(grow_joint(data), data) for data in map(log, often(4, 1))]
+    said = [verdict(fit_joint(data), data) for data in map(log, often(4, 1))]
     assert sum(one.joint for one in said) >= len(said) / 2
     assert sum(one.joint or one.undetermined for one in said) >= 3 * len(said) / 4
     for one in said:

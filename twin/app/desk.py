@@ -274,11 +274,8 @@ def script(model: Model, data: Data, log: Path) -> str:
     search = recipe.auto
     options = f"search={search!r}, starts={model.setting.starts}, seed={model.setting.seed}"
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
-    if recipe.grown:
-        call = f"sysid.grow_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    if recipe.all_parts:
-        options = f"starts={model.setting.starts}, seed={model.setting.seed}"
-        call = f"sysid.joint_posterior(estimation, recipe.model_of(estimation), {options})"
+    if recipe.with_parts:
+        call = f"sysid.fit_joint(estimation, recipe.model_of(estimation), {options}).fit"
     predicts = model.setting.structure in ("armax", "nlarx")  # their criteria are not those of a free run
     initial_samples, start = ("None", "fit.n_init") if predicts else ("estimation.N", "0")
     lines = [

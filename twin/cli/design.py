@@ -46,7 +46,7 @@ def design(
 
     design.csv has the input and the predicted output.
 
-    Limit: rounds of growth, one for each part of a joint. Progress: each search. Budget: --seconds.
+    Limit: the searches of a joint. Progress: each search. Budget: --seconds.
     """
     names = options.names(targets)
     for name in names:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.joint.values import JointValue, distinct_values, joint_values
 
 # Which effect a value belongs to.
@@ -55,7 +55,7 @@ def pairs(log: IOData, response: IOData, seed: int = 0, starts: int = 2) -> tupl
     is missing in both. Intervals of level 0.95 allow for coloured residuals.
     """
     try:
-        fit = grow_joint(log, starts=starts, seed=seed).fit
+        fit = fit_joint(log, starts=starts, seed=seed).fit
         second = fit_chain(fit.model, response, start=fit.theta, search="lm")
         log_values, response_values = joint_values(fit, data=log), joint_values(second, data=response)
     except InputError:

@@ -144,7 +144,7 @@ def without_parts(trial: Trial) -> list[Row]:
     for part, drop in PARTS.items():
         chain = drop(complete.model)
         if chain == complete.model:
-            rows.append(Row(part, None, reason="the joint grew without it"))
+            rows.append(Row(part, None, reason="the joint is without it"))
             continue
         fit = sysid.fit(chain, e.estimation, starts=e.setting.starts, seed=e.setting.seed)
         with np.errstate(over="ignore", invalid="ignore"):  # without stops a free run may overflow

@@ -15,14 +15,14 @@ from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
 from sysid.export import c, matlab, mjcf, python
 from sysid.fitting import load
-from sysid.joint.growth import grow_joint
+from sysid.joint.posterior import fit_joint
 from sysid.linear import linearize
 from sysid.linear.linearize import Tangent
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.record import read_record
 from twin.fragment import Check, check, put_into
 
-PARTS = ("stribeck", "plays")  # of a joint that grows, those that MJCF has elements for
+PARTS = ("stribeck", "plays")  # of a joint, those that MJCF has elements for
 CLOSE = 0.005  # of the stroke: RMS up to which fragment and fit count as the same
 LEAST = 50  # samples of a record on which a fragment is checked
 TURNS = 40  # of a drawn input: crossings of the stroke, about
@@ -91,7 +91,7 @@ def read_model(
     mapping: str | None = None,
     fitted: bool = True,
 ) -> Source:
-    """The saved fit at `path` with a drawn input, or, if `fitted`, the joint that grows from the log at `path`.
+    """The saved fit at `path` with a drawn input, or, if `fitted`, the joint of the log at `path`.
 
     A joint that is fitted here has only parts with MJCF elements. Raises InputError for a file that is neither.
     """
@@ -109,7 +109,7 @@ def read_model(
         if Path(path).suffix.lower() == ".json":
             raise InputError(f"{path} is neither a saved fit ({load_error}) nor a log ({error})") from None
         raise
-    return Source(grow_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
+    return Source(fit_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
 
 
 def _drive_record(fit: Fit | NlarxFit) -> IOData:

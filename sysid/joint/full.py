@@ -1,0 +1,103 @@
+"""The joint with every part that it may have, and one search of it from the plain joint and the usual values."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor, TravelMap
+from sysid.data.record import IOData
+from sysid.data.wraps import turn_of
+from sysid.estimation.fit import fit_chain
+from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.joint_parts import FRICTIONS, lift_theta, motor_of, sub
+from sysid.estimation.noise_model import noise_model
+from sysid.estimation.objective import LEAST_SQUARES, Objective
+from sysid.estimation.problem import ChainProblem
+from sysid.estimation.result import Fit
+from sysid.estimation.search import SearchContext, set_curvature_weight
+from sysid.joint.prior import joint_prior, units_of, usual_values
+from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
+
+PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
+TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
+SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
+
+
+def is_plain(chain: Chain) -> bool:
+    """Whether the chain has a motor and none of the parts of a full joint."""
+    motors = [b for b in chain.blocks if isinstance(b, Motor)]
+    richer = any(getattr(b, option, False) for b in motors for option in FRICTIONS if option != "sags")
+    return bool(motors) and not richer and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks)
+
+
+def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = PARTS) -> Chain:
+    """A plain joint with every one of these `PARTS` that it can have.
+
+    "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
+    "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
+    servo; "turns": a load that repeats every turn of a joint without linkage whose `data` go over `TURNS_NEEDED`.
+    """
+    motor, wanted = motor_of(plain), set(parts)
+    options: dict[str, Any] = {name: name in wanted for name in ("stribeck", "sided")}
+    options["jams"] = "jams" in wanted and bool(motor.stops)
+    options["substeps"] = max(motor.substeps, SUBSTEPS if options["stribeck"] else 1)
+    if isinstance(motor, ServoMotor):
+        options["sags"] = motor.sags or "sags" in wanted
+    if data is not None and "turns" in wanted and _may_turn(plain, data):
+        options |= {"periodic": 1, "period": turn_of(data)}
+    full = replace(motor, **options)
+    full = replace(full, loss="loss" in wanted and full.loaded)
+    blocks = [full if block is motor else block for block in plain.blocks]
+    if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):
+        play = CoastingPlay(role="play") if "coasts" in wanted else Play(role="play")
+        blocks.insert(len(blocks) - (blocks[-1].role == "sensor"), play)
+    load0 = f"{motor.role}.load0"  # a loss tells a load from a difference between the frictions
+    fixed = {name: value for name, value in plain.fixed.items() if name != load0 or not full.loss or value != 0.0}
+    return sub(replace(plain, fixed=fixed), tuple(blocks))
+
+
+def _may_turn(chain: Chain, data: IOData) -> bool:
+    """Whether a load may repeat every turn of the joint, and the record is long enough to show it."""
+    if motor_of(chain).periodic or any(isinstance(block, TravelMap) for block in chain.blocks):
+        return False
+    least, largest = (share * turn_of(data) for share in TURNS_NEEDED)
+    return bool(least < np.ptp(data.y) < largest)
+
+
+def rough_posterior(
+    plain: Fit, whole: IOData, data: IOData, level: float, limit: Options, options: dict[str, Any]
+) -> Fit:
+    """The joint with every part from the usual values alone, for noise of deviation `level` [y], on `data`."""
+    full, units = full_joint(plain.model, whole), units_of(plain.model, plain.theta, whole)
+    centres = {name: c for name, (c, _) in usual_values(full, units).items() if name not in plain.model.names}
+    point = lift_theta(plain.model, plain.theta, full, centres)
+    objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
+    return fit_chain(full, data, start=point[None], options=limit, objective=objective, **options)
+
+
+def best_points(
+    chain: Chain,
+    points: np.ndarray,
+    data: IOData,
+    iterations: int,
+    finalists: int,
+    objective: Objective = LEAST_SQUARES,
+) -> np.ndarray:
+    """The best of these points (K, P) after a few iterations at each, the best first."""
+    context = SearchContext(chain, data, objective, "lm", Options(max_iterations=iterations).begun(), None)
+    problems = set_curvature_weight(context, [context.problem(with_initial_states(chain, p, data)) for p in points])
+    outcomes = [context.iterate(problem, problem.start, context.options) for problem in problems]
+    order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]
+    return np.array([problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)])
+
+
+def colour_level(fit: Fit, data: IOData) -> float:
+    """The deviation of white noise that moves the parameters as far as the colour of the residuals does."""
+    thetas = with_initial_states(fit.model, fit.theta, data)
+    problem = ChainProblem(fit.model, thetas, data.experiments, fit.model.free)
+    e, J = problem.linearise(problem.start)
+    lengths = [int(part.observed.sum()) for part in data.experiments]
+    return float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))
