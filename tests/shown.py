@@ -37,7 +37,7 @@ def network():
 @cache
 def joint_fit():
     parts = (
-        PartEvidence("motor.stick", "more friction at rest than in motion, upward", "V", 0.5, 0.1, 0.3, 0.3, 1e4),
+        PartEvidence("motor.stick", "higher friction at rest upward", "V", 0.5, 0.1, 0.3, 0.3, 1e4),
         PartEvidence("motor.loss", "friction proportional to the load", "", 0.0, 0.01, 0.2, 0.3, 0.02),
         PartEvidence("play.width", "backlash", "rad", 0.01, 0.02, 0.0, 0.015, 1.1),
     )

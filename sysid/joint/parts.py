@@ -20,8 +20,8 @@ from sysid.joint.transfer import joint_information
 _STRONG = 20.0  # odds
 WORDS: dict[type, dict[str, str]] = {
     Motor: {
-        "stick": "more friction at rest than in motion, upward",
-        "stick_down": "more friction at rest than in motion, downward",
+        "stick": "higher friction at rest upward",
+        "stick_down": "higher friction at rest downward",
         "loss": "friction proportional to the load",
         "jam": "jamming at a struck stop",
     },

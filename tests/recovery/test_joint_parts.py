@@ -180,7 +180,7 @@ def test_the_odds_of_a_part_are_those_of_truncated_normals_at_zero() -> None:
 def test_a_fit_tells_what_its_record_shows(stribeck: tuple[IOData, JointFit]) -> None:
     _, joint = stribeck
     said = joint.sentence()
-    assert said.startswith("The record shows more friction at rest than in motion, upward and more friction at rest")
+    assert said.startswith("The record shows higher friction at rest upward and higher friction at rest downward.")
     assert "It leaves open" in said
     assert "jamming at a struck stop" in said.split("It leaves open")[1]
     told = json.loads(json.dumps(joint.as_dict()))
