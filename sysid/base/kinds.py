@@ -242,7 +242,7 @@ def row(kinds: list[Kind]) -> Kind:
     words = f"{len(kinds)} values: " + ", ".join(each.words for each in kinds)
 
     def convert(value: Any) -> Any:
-        if isinstance(value, (str, bytes)) or not isinstance(value, (list, tuple, np.ndarray)) or np.ndim(value) == 0:
+        if not isinstance(value, (list, tuple, np.ndarray)) or (isinstance(value, np.ndarray) and value.ndim == 0):
             raise RefusedValue(value, words)
         if len(value) != len(kinds):
             raise RefusedValue(value, words)

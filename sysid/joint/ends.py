@@ -12,7 +12,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
-from sysid.joint.full import full_joint, rough_posterior
+from sysid.joint.full import rough_posterior, with_turns
 from sysid.joint.holdout import holdout_errors, is_harmful
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
@@ -73,12 +73,14 @@ def present_ends(fit: Fit) -> Ends:
     return Ends("none" if _has_travel_map(fit.model) else "straight", fit, {})
 
 
-def choose_ends(both: Fit, data: IOData, cut: IOData, pair: tuple[Fold, ...], options: dict[str, Any]) -> Ends:
+def choose_ends(
+    both: Fit, data: IOData, cut: IOData, pair: tuple[Fold, ...], options: dict[str, Any], turns: bool = True
+) -> Ends:
     """The choice with least BIC, where each stop costs `MARGIN` besides and does no harm on unseen folds.
 
     The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. Joints that are nearly as good as
     each other are judged with all their parts: the free run of a joint without friction that falls with speed, or
-    without a load that repeats every turn, may be so far off that its stops explain little.
+    without a load that repeats every turn (`turns` allows it), may be so far off that its stops explain little.
     """
     chain = both.model
     if not motor_of(chain).stops:
@@ -100,10 +102,11 @@ def choose_ends(both: Fit, data: IOData, cut: IOData, pair: tuple[Fold, ...], op
                 fits[name].model, fits[name], data, cut, 3 * _OWN_STARTS, {**options, "seed": options["seed"] + 1}
             )
             fits[name] = min((fits[name], variant_fit or fits[name]), key=lambda fit: fit.criteria.bic)
+    if turns and "straight" in fits:
+        fits["straight"] = with_turns(fits["straight"], data, cut, _SCREENING, options)
     cost = {name: MARGIN * (ENDS[name] + (name != "straight")) for name in fits}
     price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
     close = {n for n in fits if price[n] < min(price.values()) + max(_DOUBT * MARGIN, _NEARLY_AS_GOOD * data.N)}
-    close |= {n for n in fits if motor_of(full_joint(fits[n].model, data)).periodic}
     if len(close) > 1:
         for name in close:
             price[name] = min(price[name], _full_bic(fits[name], data, cut, options) + cost[name])

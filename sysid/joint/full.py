@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
@@ -13,7 +14,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.joint_parts import FRICTIONS, lift_theta, motor_of, sub
 from sysid.estimation.noise_model import noise_model
-from sysid.estimation.objective import LEAST_SQUARES, Objective
+from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
@@ -23,6 +24,7 @@ from sysid.solver.iterate import Options
 
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
+_GLANCE = 2  # iterations at each starting point, after which half of them go on
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -67,6 +69,29 @@ def _may_turn(chain: Chain, data: IOData) -> bool:
     return bool(least < np.ptp(data.y) < largest)
 
 
+def with_turns(plain: Fit, data: IOData, cut: IOData, limit: Options, options: dict[str, Any]) -> Fit:
+    """The plain joint with a load that repeats every turn in place of the other one, where that lowers BIC."""
+    chain = full_joint(plain.model, data, ("turns",))
+    motor = motor_of(plain.model)
+    if chain == plain.model:
+        return plain
+    part = plain.model.part(plain.theta, motor)
+    dry = 0.5 * (motor.value(part, "rise") + motor.value(part, "fall"))
+    size, free = max(dry, 0.1 * float(np.std(data.u))), {f"{motor.role}.load{i}": 0.0 for i in range(1, motor.load)}
+    waves = [
+        free | {f"{motor.role}.{wave}1": share * size * way}
+        for share in (0.5, 2.0)
+        for wave in ("sine", "cosine")
+        for way in (1.0, -1.0)
+    ]
+    points = np.array([lift_theta(plain.model, plain.theta, chain, wave) for wave in waves])
+    try:
+        found = fit_chain(chain, cut, start=points, options=limit, **options)
+    except (InputError, np.linalg.LinAlgError):
+        return plain
+    return found if found.criteria.bic < plain.criteria.bic else plain
+
+
 def rough_posterior(
     plain: Fit, whole: IOData, data: IOData, level: float, limit: Options, options: dict[str, Any]
 ) -> Fit:
@@ -78,20 +103,18 @@ def rough_posterior(
     return fit_chain(full, data, start=point[None], options=limit, objective=objective, **options)
 
 
-def best_points(
-    chain: Chain,
-    points: np.ndarray,
-    data: IOData,
-    iterations: int,
-    finalists: int,
-    objective: Objective = LEAST_SQUARES,
-) -> np.ndarray:
-    """The best of these points (K, P) after a few iterations at each, the best first."""
-    context = SearchContext(chain, data, objective, "lm", Options(max_iterations=iterations).begun(), None)
+def best_points(chain: Chain, points: np.ndarray, data: IOData, finalists: int, objective: Objective) -> np.ndarray:
+    """The best of these points (K, P), the best first: after each few iterations the better half goes on."""
+    context = SearchContext(chain, data, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
     problems = set_curvature_weight(context, [context.problem(with_initial_states(chain, p, data)) for p in points])
-    outcomes = [context.iterate(problem, problem.start, context.options) for problem in problems]
-    order = np.argsort([o.cost for o in outcomes], kind="stable")[:finalists]
-    return np.array([problems[k].thetas(outcomes[k].p)[0] for k in order if np.isfinite(outcomes[k].cost)])
+    running = [(problem, problem.start, np.inf) for problem in problems]
+    while True:
+        outcomes = [(problem, context.iterate(problem, p, context.options)) for problem, p, _ in running]
+        running = sorted(((problem, o.p, o.cost) for problem, o in outcomes), key=lambda row: row[2])
+        if len(running) <= 2 * finalists:
+            break
+        running = running[: len(running) // 2]
+    return np.array([problem.thetas(p)[0] for problem, p, cost in running[:finalists] if np.isfinite(cost)])
 
 
 def colour_level(fit: Fit, data: IOData) -> float:

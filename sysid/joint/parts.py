@@ -49,6 +49,11 @@ class PartEvidence:
     odds: float
 
     @property
+    def normals(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Centre and deviation after the record, and before it."""
+        return (self.value, self.std), (self.usual, self.spread)
+
+    @property
     def verdict(self) -> str:
         return "shown" if self.odds > _STRONG else "absent" if self.odds * _STRONG < 1.0 else "open"
 

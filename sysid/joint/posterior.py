@@ -20,7 +20,7 @@ from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
-from sysid.estimation.objective import Objective
+from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
 from sysid.estimation.starts.staged_joint import play_starts
@@ -31,15 +31,14 @@ from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_pl
 from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.prior import joint_prior, units_of, usual_values
-from sysid.joint.sampling import cut_at_rests
+from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POINTS, _LEADERS, _GLANCE = 24, 4, 6  # starts with parts, of which some go on after a few iterations
-_LEVELS = 2  # times that the level of the noise is taken anew
+_POINTS, _LEADERS = 24, 4  # starts with parts, of which some go on after a few iterations
 _SHAKES = 12  # places near the optimum that are tried
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 _SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
@@ -140,9 +139,13 @@ def fit_joint(
     timed = {**options, "progress": clock.hears(progress)}
     # A motor that does not suit runs away.
     with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        which, plain_fit = _plain_joint(chain.scaled(data.u, data.y), data, starts, options, timed, clock)
-        search_all = _Search(plain_fit, data, names, timed)
-        fit, agreed, tried = clock.within("its parts were searched", search_all.best, (plain_fit, 1, 1))
+        chain = chain.scaled(data.u, data.y)
+        k = thinning_factor(data, chain)
+        rough = thin(data, k)
+        which, plain_fit = _plain_joint(chain, rough, starts, "turns" in names, options, timed, clock)
+        search_all = _Search(plain_fit, rough, data, k, names, timed)
+        found = clock.within("its parts were searched", search_all.best, None)
+        fit, agreed, tried = (_at_rate(plain_fit, data, k, options), 1, 1) if found is None else found
         fit.remember(data)
         pair = holdout_folds(data)
         unseen = holdout_errors(fit.model, fit.theta, pair, fit.prior).percent if pair else float("nan")
@@ -152,13 +155,13 @@ def fit_joint(
 
 
 def _plain_joint(
-    chain: Chain, data: IOData, starts: int, options: dict[str, Any], timed: dict[str, Any], clock: Clock
+    chain: Chain, data: IOData, starts: int, turns: bool, options: dict[str, Any], timed: dict[str, Any], clock: Clock
 ) -> tuple[str, Fit]:
     """The end stops that the record shows, and the joint with these, without parts, over the whole record."""
     stretches = cut_at_rests(data, chain)
     points = make_starts(chain, data, starts, options["seed"])
     with_stops = fit_chain(chain, stretches, start=np.array(points), **options)
-    arguments = (with_stops, data, stretches, holdout_folds(stretches), timed)
+    arguments = (with_stops, data, stretches, holdout_folds(stretches), timed, turns)
     ends = clock.within("its end stops were chosen", choose_ends, present_ends(with_stops), *arguments)
     if stretches is data:
         return ends.which, ends.fit
@@ -166,47 +169,63 @@ def _plain_joint(
     return ends.which, fit_chain(ends.fit.model, data, start=own_points, **options)
 
 
+def _at_rate(fit: Fit, data: IOData, k: int, options: dict[str, Any], objective: Objective = LEAST_SQUARES) -> Fit:
+    """The fit, to a record with k samples as one, over the whole record."""
+    if k == 1 and objective is LEAST_SQUARES:
+        return fit
+    start = theta_at_rate(fit.model, fit.theta, k)[None]
+    return fit_chain(chain_at_rate(fit.model, k), data, start=start, objective=objective, **options)
+
+
 @dataclass
 class _Search:
-    """The search of a joint with all parts, from the plain one."""
+    """The search of a joint with all parts from the plain one, fitted to `rough`: `data` with k samples as one."""
 
     plain: Fit
+    rough: IOData
     data: IOData
+    k: int
     parts: tuple[str, ...]
     options: dict[str, Any]
 
-    def best(self) -> tuple[Fit, int, int]:
+    def best(self) -> tuple[Fit, int, int] | None:
         """The fit, how many searches from the best points came to it, and of how many.
 
-        The plain joint where no joint with parts is a model, of a record that no motor made.
+        None where no joint with parts is a model, of a record that no motor made.
         """
         try:
             return self._best()
         except (InputError, np.linalg.LinAlgError):  # derivatives too large for numbers
-            return self.plain, 1, 1
+            return None
 
     def _best(self) -> tuple[Fit, int, int]:
-        plain, data = self.plain, self.data
+        plain, rough = self.plain, self.rough
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
-        full = full_joint(plain.model, data, self.parts)
-        units = units_of(plain.model, plain.theta, data)
-        search = partial(fit_chain, full, data, **self.options)
+        full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
         level = _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse))
-        points = np.array(list(_starting_points(plain, full, usual_values(full, units), data, rng)))
+        points = np.array(list(_starting_points(plain, full, usual_values(full, units), rough, rng)))
         heights = np.zeros(1)  # of the first searches' ends, below the highest, in logarithms of the posterior
-        for cut in (cut_at_rests(data, plain.model), data):
+        for cut in (cut_at_rests(rough, plain.model), rough):
             objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
-            leaders = best_points(full, points, cut, _GLANCE, _LEADERS, objective)
+            leaders = best_points(full, points, cut, _LEADERS, objective)
             fit = fit_chain(full, cut, start=leaders, objective=objective, **self.options)
             if len(heights) == 1:
-                heights = 0.5 * data.N * (np.array(fit.losses) - min(fit.losses)) / level**2
+                heights = 0.5 * rough.N * (np.array(fit.losses) - min(fit.losses)) / level**2
             level = colour_level(fit, cut)
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
-            others = [lift_theta(full, fit.theta, full, play) for play in _plays(full, fit.theta, data)]
+            others = [lift_theta(full, fit.theta, full, play) for play in _plays(full, fit.theta, rough)]
             points = np.array([fit.theta, *shaken, *others])
-        objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
-        fit = search(start=fit.theta[None], objective=objective)
+        for k in (1,) if self.k == 1 else (self.k, 1):
+            fit = self._over_whole_record(fit, k, level)
+            level = colour_level(fit, self.data)
         return fit, int(np.sum(heights <= _SAME)), len(heights)
+
+    def _over_whole_record(self, fit: Fit, k: int, level: float) -> Fit:
+        """The fit over the whole record, from one with k samples as one."""
+        plain, times = self.plain, self.k
+        units = units_of(chain_at_rate(plain.model, times), theta_at_rate(plain.model, plain.theta, times), self.data)
+        prior = joint_prior(chain_at_rate(fit.model, k), units, level)
+        return _at_rate(fit, self.data, k, self.options, Objective(curvature_weight=0.0, prior=prior))
 
 
 def _starting_points(

@@ -46,8 +46,6 @@ KNOWN: dict[type, dict[str, Known]] = {
         "stick_down": Known(0.2, 0.2, "friction"),
         "stick_speed": Known(0.05, 0.05, "speed"),
         "load0": Known(0.0, 0.5, "friction"),
-        "load1": Known(0.0, 1.0, "friction over the way"),
-        "load2": Known(0.0, 1.0, "friction over the way squared"),
         "loss": Known(0.2, 0.3, "one"),
         "jam": Known(0.0, 0.3, "time by speed"),
         **{f"{wave}{k}": Known(0.0, 2.0, "friction") for wave in ("sine", "cosine") for k in (1, 2)},
@@ -78,14 +76,11 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
     way = float(np.ptp(data.y[data.observed[:, 0], 0]))
     least = 1e-9 * (way if travel is None else 1.0)  # a sample, of a motor that does not move
     speed = max(motor.value(part, "gain") * max(largest - friction, 0.1 * largest), least)
-    reach = way if travel is None else 1.0  # of the motor's position
     second = 1.0 / data.Ts
     return {
         "one": 1.0,
         "response": max(_LEAST_RESPONSE * second, motor.value(part, "lag") + motor.value(part, "delay")),
         "friction": friction,
-        "friction over the way": friction / reach,
-        "friction over the way squared": friction / reach**2,
         "speed": speed,
         "time by speed": second / speed,
         "angle": way,

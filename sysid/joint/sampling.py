@@ -21,6 +21,9 @@ _SAMPLE = re.compile(r"(/)?samples?(?:\^(\d))?")
 _RATES = (1, 2, 4, 5)  # of the first sampling time: an estimate of lag and delay by a slow record goes no further
 LONGEST_DELAY = 20  # times: a motor knows a delay of so many samples
 _RESPONSE_NEEDED = 3.0  # samples of lag and delay together, at least
+ENOUGH_SAMPLES = 2500  # samples that show what a joint is made of
+_STROKE_SAMPLES = 25.0  # samples from end to end, at the least: a motor's way is still seen
+_FAST_QUANTILE = 0.95  # quantile of the speeds that counts as the joint's
 STRETCHES = 6  # of a record
 SHORTEST = 400  # samples of a stretch: over shorter ones friction shows less, since its errors do not add up
 _CUT_REACH = 0.3  # of a stretch, within which a cut is moved to where the joint rests
@@ -64,6 +67,39 @@ def rate_needed(fit: Fit) -> int:
     """How many times faster to sample, 1 to 5, so that lag and delay together last three samples."""
     lasts = response_samples(fit.model, fit.theta)
     return next((k for k in _RATES if k * lasts >= _RESPONSE_NEEDED), _RATES[-1])
+
+
+def thinning_factor(data: IOData, chain: Chain) -> int:
+    """How many samples may become one; 1 where the record is short, has gaps, or the chain holds a time of its own."""
+    timed_names = {name for name in (*chain.fixed, *chain.bounds) if not name.endswith(".v0")}
+    timed = any(power and name in timed_names for name, power in zip(chain.names, sample_powers(chain), strict=True))
+    if timed or data.missing is not None:
+        return 1
+    steps = np.concatenate([np.abs(np.diff(e.y[:, 0])) for e in data.experiments])
+    moving = steps[steps > 0.0]
+    way = float(np.ptp(data.y)) / float(np.quantile(moving, _FAST_QUANTILE)) if len(moving) else 0.0
+    return max(1, min(data.N // ENOUGH_SAMPLES, int(way / _STROKE_SAMPLES)))
+
+
+def thin(data: IOData, k: int) -> IOData:
+    """The record with k samples as one: the mean of the input over them, and the output at their beginning."""
+    if k == 1:
+        return data
+    parts = []
+    for e in data.experiments:
+        n = e.N // k
+        multiple = e.select(0, n * k)
+        parts.append(
+            IOData(
+                multiple.u.reshape(n, k, -1).mean(axis=1),
+                multiple.y[::k],
+                k * data.Ts,
+                **{name: getattr(data, name) for name in ("u_name", "y_name", "u_unit", "y_unit")},
+                u_offset=data.u_offset,
+                y_offset=data.y_offset,
+            )
+        )
+    return IOData.merge(*parts)
 
 
 def cut_at_rests(data: IOData, chain: Chain) -> IOData:

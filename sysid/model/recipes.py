@@ -69,8 +69,9 @@ class Recipe(ABC):
     that it tries first; none means every order of the search space, with every combination of maps around the best
     linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
     record and of one setting. least_starts: of a search that must find its optimum. with_parts: whether it is
-    fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record counts from
-    zero, so that no means may be removed. Raises InputError for settings that give no model, before any work.
+    fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record
+    counts from zero, so that no means may be removed. Raises InputError for settings that give no model, before any
+    work.
     """
 
     name: ClassVar[str]

@@ -20,6 +20,7 @@ from sysid.notebook.poles import pole_table
 from sysid.plots.comparison import comparison
 from sysid.plots.records import record
 from sysid.plots.usual import usual
+from sysid.report.joint import rows
 from sysid.selection.table import Selection
 from sysid.validation.compare import Comparison
 
@@ -106,22 +107,22 @@ class JointFitView:
         if math.isfinite(joint.unseen_percent):
             facts.append(("on unseen parts", percent(joint.unseen_percent)))
         facts += [("searches that agree", f"{joint.agreed} of {joint.tried}"), ("search", f"{fit.stop.reason}")]
-        rows = [
+        lines = [
             (p.words, number(p.value, 4), number(p.std, 2), f"{number(p.usual, 4)} ± {number(p.spread, 2)}", p.verdict)
             for p in joint.parts
         ]
-        table = Table(("part", "value", "deviation", "usual", "record"), rows, "Parts", text_columns=1)
+        table = Table(("part", "value", "deviation", "usual", "record"), lines, "Parts", text_columns=1)
         sentences = [joint.sentence(), *(f"Warning: {text}." for text in joint.warnings[:3])]
         calls = "joint.plot(), joint.fit, sysid.joint_values(joint.fit)"
         details = [parameter_table(fit)]
-        return Card("Actuated joint", facts, [table] if rows else [], sentences, details, call=f"Next: {calls}")
+        return Card("Actuated joint", facts, [table] if lines else [], sentences, details, call=f"Next: {calls}")
 
     @staticmethod
     def plot(joint: JointFit) -> Figure:
         """The parts beside what is usual."""
         if not joint.parts:
             raise InputError("this joint has no part to draw; see joint.fit.plot()")
-        return figure(usual, joint.parts, say=PARTS_SAY)
+        return figure(usual, rows(joint.parts), say=PARTS_SAY)
 
 
 class SelectionView:

@@ -27,8 +27,8 @@ from sysid.plots.records import parts_figure
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import Words, maps_figure
-from sysid.plots.usual import usual_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
+from sysid.report.joint import parts_figure as joint_parts_figure
 from sysid.report.joint import values_figure
 from sysid.report.page import Picture
 from sysid.report.sections import one_step
@@ -262,7 +262,7 @@ def _values_caption(e: Evaluation) -> str:
 def _parts_figure(e: Evaluation) -> Figure:
     """Each part of a joint beside what is usual."""
     assert e.joint_fit is not None
-    return usual_figure(e.joint_fit.parts)
+    return joint_parts_figure(e.joint_fit.parts)
 
 
 def _parts_caption(_: Evaluation) -> str:

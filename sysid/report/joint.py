@@ -1,13 +1,23 @@
-"""Figures of an actuated joint: its physical values."""
+"""Figures of an actuated joint: its physical values, and its parts beside what is usual."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
+from sysid.joint.parts import PartEvidence
 from sysid.joint.values import JointValue, distinct_values
+from sysid.plots.usual import Row, usual_figure
 from sysid.report.sections import WORDS
 
+PARTS = {
+    "stick": "stick, upward",
+    "stick_down": "stick, downward",
+    "loss": "screw's loss",
+    "jam": "jam at stops",
+    "sag": "sagging supply",
+    "width": "backlash",
+}
 SHORT = {
     "speed_per_volt": "speed",
     "speed_full_drive": "speed",
@@ -32,6 +42,20 @@ def values_figure(values: Sequence[JointValue]) -> Figure:
     longest = max(len(panel.y.names) for panel in panels)
     columns = -(-len(panels) // rows)
     return Figure(panels, columns, shared=False, height=0.4 + rows * (0.9 + 0.28 * longest), legend="below")
+
+
+def parts_figure(parts: Sequence[PartEvidence]) -> Figure:
+    """The parts of a joint beside what is usual, with what the record shows of each in the hover."""
+    texts = []
+    for part in parts:
+        found, usual = (f"{number(a, 4)} ± {number(b, 2)}" for a, b in part.normals)
+        texts.append(f"<b>{part.words}</b>: {part.verdict}<br>{found} {part.unit}; usual {usual} {part.unit}")
+    return usual_figure(rows(parts), texts)
+
+
+def rows(parts: Sequence[PartEvidence]) -> list[Row]:
+    """The parts as rows of that figure."""
+    return [(PARTS[p.name.split(".")[-1]], p.normals[1], p.normals[0]) for p in parts]
 
 
 def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:

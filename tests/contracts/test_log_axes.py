@@ -14,7 +14,6 @@ from sysid.base import style
 from sysid.base.style import log_axis, power
 from sysid.drawing.axes import draw
 from sysid.drawing.departure import frame, spread_axis
-from sysid.joint.parts import PartEvidence
 from sysid.report import inspection
 from sysid.uncertainty import responses
 from twin.report import calibrate, compare_figures
@@ -82,8 +81,7 @@ def test_every_logarithmic_axis_is_made_in_one_place():
 
 
 def test_a_name_with_dollars_is_shown_as_it_is():
-    part = PartEvidence("a$b$", "a part", "V", 0.5, 0.1, 0.3, 0.3, 1e4)
-    (axes,) = plots.usual([part])
+    (axes,) = plots.usual([("a$b$", (0.3, 0.3), (0.5, 0.1))])
     style.png(axes)
     names = axes.get_yticklabels()
     assert names[0].get_text() == "a$b$"

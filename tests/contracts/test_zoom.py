@@ -27,8 +27,8 @@ from sysid.plots.records import Signal, lines_figure, parts_figure, record_figur
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import maps_figure
-from sysid.plots.usual import usual_figure
 from sysid.report.figures import joined_figure
+from sysid.report.joint import parts_figure as parts_of_joint
 from sysid.report.joint import values_figure
 from sysid.report.page import element
 from sysid.uncertainty import responses
@@ -105,7 +105,7 @@ def figures(data, fit, evaluation):
             "bode": bode_figure(responses.frequency(info), "rad", "V"),
             "step": step_figure(responses.step(info), "rad", "V", "angle"),
             "values": values_figure(values()),
-            "joint": usual_figure(shown.joint_fit().parts),
+            "joint": parts_of_joint(shown.joint_fit().parts),
         }.items()
     }
 
