@@ -22,6 +22,7 @@ FLOORS = {
     "sysid": (
         ("base",),
         ("block", "data", "drawing", "excitations", "solver"),
+        ("motor_parts",),
         ("blocks", "diagnosis", "formats"),
         ("channels", "model"),
         ("estimation",),
@@ -53,6 +54,7 @@ FOLDERS = (
     "sysid.estimation.starts",
     "sysid.excitations",
     "sysid.formats",
+    "sysid.motor_parts",
     "sysid.plots",
     "sysid.solver.searches",
     "sysid.structures",

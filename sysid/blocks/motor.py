@@ -13,6 +13,7 @@ from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import advance_lag, ago, floor, sign, time_to_reach
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
+from sysid.motor_parts import ABSENT, TABLE, MotorPart, drag_of_parts, drive_of_parts
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
 LONGEST = 20.0  # samples of delay
@@ -45,6 +46,7 @@ def stretch(s, w, h, p, block):
     The load stays through a reversal: taken anew there, it would give a spring energy at each.
     """
     load, fresh = 0.0, True
+    w = drive_of_parts(s, w, h, p, block)
     for _ in range(6):  # one pass is usual; a turn, a strike or a jam takes one more
         if block.jams and s.jammed > 0.0:
             kept = min(s.jammed, h)
@@ -68,6 +70,7 @@ def stretch(s, w, h, p, block):
         if block.stribeck:
             ratio = s.speed / p.stick_speed
             drag += (p.stick if way > 0.0 else stick_down) * exp(-ratio * ratio)
+        drag += drag_of_parts(s, p, block)
         decay = exp(-h / p.lag)
         if block.bent and fresh:
             load = load_midway(s, p.gain * (w - load - way * (drag + lost)), h, p.lag * (1.0 - decay), p, block)
@@ -129,8 +132,9 @@ class Motor(Recursion):
     stays there for a time jam |v|, like a screw that jams. Each input is held for one sample and is delayed by `delay`.
     Between switches the lag is solved exactly, and stops are met in the middle of a sample, so a sample may be longer
     than the lag. A load that changes with x acts as in the middle of the way, to second order; `substeps` parts of a
-    sample follow it more closely, and the Stribeck curve. Derivatives are exact; at a switch they are those of the
-    branch taken, at a delay of whole samples those of a longer delay.
+    sample follow it more closely, the Stribeck curve, and the `further` parts, names of `sysid.motor_parts.TABLE`.
+    Derivatives are exact; at a switch they are those of the branch taken, at a delay of whole samples those of a longer
+    delay.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -138,6 +142,7 @@ class Motor(Recursion):
         **dict.fromkeys(("stick", "stick_down", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
         **dict.fromkeys((f"{wave}{k}" for k in range(1, MOST_WAVES + 1) for wave in ("sine", "cosine")), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
+        **ABSENT,
     }
 
     load: int = 1
@@ -151,6 +156,7 @@ class Motor(Recursion):
     substeps: int = 1
     periodic: int = 0
     period: float = 2.0 * np.pi
+    further: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not 0 <= self.load <= 3:
@@ -169,8 +175,17 @@ class Motor(Recursion):
             raise InputError("sided=True needs friction at rest; give stribeck=True or sided=False")
         if self.jams and not self.stops:
             raise InputError("jams=True needs end stops; give stops=True or jams=False")
+        for part in self.further:
+            if part not in TABLE:
+                raise unknown("part of a motor", part, TABLE)
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
+
+    def __getattr__(self, name: str) -> bool:
+        """`has_NAME`: whether the motor has the part NAME, for the step."""
+        if name.removeprefix("has_") in TABLE and name.startswith("has_"):
+            return name.removeprefix("has_") in self.further
+        raise AttributeError(f"{type(self).__name__} has no {name!r}")
 
     @property
     def ends(self) -> tuple[str, ...]:
@@ -215,6 +230,7 @@ class Motor(Recursion):
             slots.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
             slots.append(Slot("jam", "samples^2", lower=0.0))
+        slots += [slot for part in self.further for slot in TABLE[part].slots]
         if self.delayed:
             slots.append(Slot("delay", "samples", lower=0.0, upper=LONGEST))
         slots += [Slot(name) for name in self.ends]
@@ -252,11 +268,15 @@ class Motor(Recursion):
             f"  R = {' + '.join(extra)}" if extra else "",
             f"  F = {up} where v > 0, F = {down} where v < 0",
             f"  v stays 0 where {down} <= {net} <= {up}",
+            *(f"  {self._part_in_words(TABLE[part], m, w)}" for part in self.further),
             ends,
             f"  {w.x} is held for one sample{late}",
             self._solution_notes(),
         ]
         return [line for line in lines if line]
+
+    def _part_in_words(self, part: MotorPart, m: dict[str, float], w: Writer) -> str:
+        return part.equation.format(*(w.num(m[slot.name]) for slot in part.slots))
 
     def _solution_notes(self) -> str:
         each = "held input" if self.substeps == 1 else f"of {self.substeps} equal parts of a held input"
@@ -303,6 +323,7 @@ class Motor(Recursion):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {"gain": -1.0, **dict.fromkeys(_VOLTS, 1.0), **dict.fromkeys(self.waves, 1.0)}
+        volts |= {name: power for part in self.further for name, power in TABLE[part].volts.items()}
         changes = [Symmetry(along(volts), in_scale=1.0)]
         if self.load:
             changes.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
@@ -311,6 +332,7 @@ class Motor(Recursion):
             changes.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if not self.bent:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0"), 1.0) | {"jam": -1.0}
+            places |= {name: power for part in self.further for name, power in TABLE[part].places.items()}
             changes.append(Symmetry(along(places), out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
             changes.append(Symmetry(shift, out_shift=1.0))

@@ -12,6 +12,7 @@ from sysid.block.step import ago, floor
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Code, Writer
 from sysid.blocks.motor import Motor, stretch
+from sysid.motor_parts import TABLE
 
 LOOPS = ("p", "pd", "pid")
 MOST_SAG = 3.0  # resistance of supply and driver over that of the motor
@@ -176,6 +177,7 @@ class ServoMotor(Motor):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {slot.name: 1.0 for slot in self.slots() if slot.unit.startswith("V")}
+        volts |= {name: power for part in self.further for name, power in TABLE[part].volts.items()}
         changes = [Symmetry(along({"gain": -1.0} | volts))]
         if self.load and not self.loss:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
@@ -183,6 +185,7 @@ class ServoMotor(Motor):
         if not self.bent and not self.scheduled:  # a load over position would have to be scaled about `at`
             places = dict.fromkeys(("gain", "stick_speed", "lower", "upper", "x0", "v0", "dead"), 1.0) | {"jam": -1.0}
             places |= dict.fromkeys(("kp", "kd", "ki"), -1.0)
+            places |= {name: power for part in self.further for name, power in TABLE[part].places.items()}
             changes.append(Symmetry(along(places), in_scale=1.0, out_scale=1.0))
             shift = np.array([float(name in ("lower", "upper", "x0")) for name in names])
             changes.append(Symmetry(shift, in_shift=1.0, out_shift=1.0))

@@ -16,6 +16,7 @@ from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.model.wiring import identifier
+from sysid.motor_parts import TABLE
 
 STEP = 0.001  # [s] of the simulation that the numbers are made for
 # Without them a loaded joint creeps and a stop is soft: MuJoCo's defaults are made for contacts.
@@ -164,6 +165,7 @@ class _Parts:
             sentences.append("jamming at a struck stop")
         if self.motor.sided:
             sentences.append("friction at rest that differs by direction: its mean is in lugre")
+        sentences += [TABLE[part].words for part in self.motor.further]
         if self.motor.periodic:
             sentences.append("the periodic load over the angle: your link's weight takes its place")
         if len(self.motor.ends) == 1:

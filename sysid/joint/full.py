@@ -20,6 +20,7 @@ from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.joint.prior import joint_prior, units_of, usual_values
 from sysid.model.chain import Chain
+from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
 
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
@@ -40,12 +41,14 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
 
     "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
     "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
-    servo; "turns": a load that repeats every turn of a joint without linkage whose `data` go over `TURNS_NEEDED`.
+    servo; "turns": a load that repeats every turn of a joint without linkage whose `data` go over `TURNS_NEEDED`; and
+    those of `sysid.motor_parts`.
     """
     motor, wanted = motor_of(plain), set(parts)
     options: dict[str, Any] = {name: name in wanted for name in ("stribeck", "sided")}
+    options["further"] = tuple(name for name in TABLE if name in wanted or name in motor.further)
     options["jams"] = "jams" in wanted and bool(motor.stops)
-    options["substeps"] = max(motor.substeps, SUBSTEPS if options["stribeck"] else 1)
+    options["substeps"] = max(motor.substeps, SUBSTEPS if options["stribeck"] or options["further"] else 1)
     if isinstance(motor, ServoMotor):
         options["sags"] = motor.sags or "sags" in wanted
     if data is not None and "turns" in wanted and _may_turn(plain, data):

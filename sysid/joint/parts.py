@@ -16,6 +16,7 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.prior import known_of, units_of, usual_values
 from sysid.joint.transfer import joint_information
+from sysid.motor_parts import TABLE
 
 _STRONG = 20.0  # odds
 WORDS: dict[type, dict[str, str]] = {
@@ -76,6 +77,8 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
     for block in chain.blocks:
         for slot in block.slots():
             name, words = f"{block.role}.{slot.name}", known_of(block, slot.name, WORDS)
+            if isinstance(block, Motor):
+                words = next((TABLE[p].words for p in block.further if TABLE[p].shown == slot.name), words)
             if words is None or name not in usual:
                 continue
             k = chain.names.index(name)

@@ -33,6 +33,7 @@ from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.prior import joint_prior, units_of, usual_values
 from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
+from sysid.motor_parts import TABLE
 from sysid.structures import actuated_joint
 
 if TYPE_CHECKING:
@@ -128,8 +129,8 @@ def fit_joint(
     """
     names, chain = tuple(parts), actuated_joint(play=False) if plain is None else plain
     for name in names:
-        if name not in PARTS:
-            raise unknown("part of a joint", name, PARTS)
+        if name not in (*PARTS, *TABLE):
+            raise unknown("part of a joint", name, (*PARTS, *TABLE))
     if not is_plain(chain):
         raise InputError("fit_joint begins with a plain actuated_joint; leave Stribeck, loss, jam and play out")
     if not seconds > 0.0:

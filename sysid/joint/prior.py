@@ -6,7 +6,6 @@ be negative keeps its bound at 0.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -18,17 +17,9 @@ from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.prior import Prior
 from sysid.joint.physics import travel_of
 from sysid.model.chain import Chain
+from sysid.motor_parts import TABLE, Known
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Known:
-    """Centre and spread of a parameter, in the unit `of` that a joint gives it (see `units_of`)."""
-
-    centre: float
-    spread: float
-    of: str
 
 
 # Break-away takes 1 to 1.6 times the friction in motion, and the Stribeck curve falls within a few percent of the speed
@@ -79,8 +70,11 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
     second = 1.0 / data.Ts
     return {
         "one": 1.0,
+        "one by voltage squared": 1.0 / largest**2,
+        "time": second,
         "response": max(_LEAST_RESPONSE * second, motor.value(part, "lag") + motor.value(part, "delay")),
         "friction": friction,
+        "friction by speed squared": friction / speed**2,
         "speed": speed,
         "time by speed": second / speed,
         "angle": way,
@@ -126,6 +120,8 @@ def usual_values(chain: Chain, units: dict[str, float]) -> dict[str, tuple[float
         for slot in block.slots():
             name = f"{block.role}.{slot.name}"
             known = known_of(block, slot.name, KNOWN)
+            if isinstance(block, Motor):
+                known = next((TABLE[p].known[slot.name] for p in block.further if slot.name in TABLE[p].known), known)
             if known is not None and name not in chain.fixed:
                 values[name] = (known.centre * units[known.of], known.spread * units[known.of])
     return values

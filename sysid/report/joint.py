@@ -55,7 +55,7 @@ def parts_figure(parts: Sequence[PartEvidence]) -> Figure:
 
 def rows(parts: Sequence[PartEvidence]) -> list[Row]:
     """The parts as rows of that figure."""
-    return [(PARTS[p.name.split(".")[-1]], p.normals[1], p.normals[0]) for p in parts]
+    return [(PARTS.get(p.name.split(".")[-1], p.words), p.normals[1], p.normals[0]) for p in parts]
 
 
 def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:
