@@ -215,11 +215,11 @@ MOVING = {
     ),
     "motor_windage": (  # gain, lag, rise, fall, load0, windage, delay, lower, upper, x0, v0
         Motor(further=("windage",), substeps=3, role="map"),
-        np.array([0.4, 0.6, 0.3, 0.4, -0.1, 2.0, 0.37, 0.05, 1.1, 0.4, 0.1]),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 2.0, 1.37, 0.05, 1.1, 0.4, 0.1]),
     ),
     "motor_warming": (  # gain, lag, rise, fall, load0, warmth, warm_time, delay, lower, upper, x0, v0
         Motor(further=("warming",), substeps=3, role="map"),
-        np.array([0.4, 0.6, 0.3, 0.4, -0.1, 0.4, 6.0, 0.37, 0.05, 1.1, 0.4, 0.1]),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 6.0, 1.37, 0.05, 1.1, 0.4, 0.1]),
     ),
     "servo_pd_loaded": (  # kp, kd, dead, limit, sag, gain, lag, rise, fall, stick, stick_speed, load0-1, delay, x0, v0
         ServoMotor(

@@ -187,8 +187,8 @@ def test_every_file_of_an_extension_folder_is_in_its_table(folder):
     package = importlib.import_module(folder)
     public = [m.name for m in pkgutil.iter_modules(package.__path__) if not m.ispkg and not m.name.startswith("_")]
     files = {f"{folder}.{name}" for name in public}
-    # Classes and functions know the module that defines them; a figure of a report is an instance with a `draw`.
-    in_table = {inspect.unwrap(getattr(entry, "draw", entry)).__module__ for entry in package.TABLE.values()}
+    # Classes and functions know the module that defines them, instances have a function that does.
+    in_table = {inspect.unwrap(getattr(entry, "term", entry)).__module__ for entry in package.TABLE.values()}
     assert files == in_table
 
 

@@ -37,3 +37,10 @@ class MotorPart:
     drive: Callable | None = None
     volts: Mapping[str, float] = field(default_factory=dict)
     places: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def term(self) -> Callable:
+        """What it adds to the step: the drag, or the drive."""
+        term = self.drag or self.drive
+        assert term is not None
+        return term

@@ -34,8 +34,8 @@ def motion(part: str, u: np.ndarray) -> np.ndarray:
     """Positions of a motor that never rests, written down as a differential equation and solved sample by sample."""
     p = {name.split(".")[1]: value for name, value in (PLAIN | VALUES[part]).items()}
 
-    def slope(_, state, w):
-        x, v, heat = state
+    def slope(time, state, w):
+        _, v, heat = state
         emf = v / p["gain"]
         current = (w - emf) / (1.0 + heat)
         warms = (p.get("warmth", 0.0) * current**2 - heat) / p.get("warm_time", 1.0)
