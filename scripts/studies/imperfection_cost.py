@@ -32,9 +32,7 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     own, levels, row = sweep(joint, p, "voltage"), {"amplitude": p["supply_voltage"]}, Row(joint=joint, seed=seed)
     for name in ("", *LEFT_OUT):
         without = (name,) if name else ()
-        data = (
-            twin.Experiment(joint, "sweep", DURATION, TS, 3 * seed, without, p, sweep(joint, p, "voltage")).run().io()
-        )
+        data = twin.Experiment(joint, "sweep", DURATION, TS, 3 * seed, without, p, own).run().io()
         other = twin.Experiment(joint, "aprbs", DURATION, TS, 3 * seed + 3, without, p, levels).run()
         row[name] = below_ceiling(fit_joint(data, plain, seed=seed).fit, other)
     return row
