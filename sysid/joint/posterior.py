@@ -232,12 +232,13 @@ class _Search:
 def _starting_points(
     plain: Fit, full: Chain, values: dict[str, tuple[float, float]], data: IOData, rng: np.random.Generator
 ) -> Iterator[np.ndarray]:
-    """The plain joint with the usual values of the parts, then with drawn ones, and the backlashes that suit best."""
+    """The plain joint as it is, with usual parts, and with drawn parts and the backlashes that suit best."""
     new = {name: value for name, value in values.items() if name not in plain.model.names}
     low = dict(zip(full.names, full.limits[0], strict=True))
     centres = {name: centre for name, (centre, _) in new.items()}
     plays = _plays(full, lift_theta(plain.model, plain.theta, full, centres), data)
-    for k in range(_POINTS):
+    yield lift_theta(plain.model, plain.theta, full, {})
+    for k in range(_POINTS - 1):
         drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
         drawn = {name: abs(value) if low[name] >= 0.0 else value for name, value in drawn.items()}
         yield lift_theta(plain.model, plain.theta, full, drawn | plays[k % len(plays)])

@@ -143,3 +143,10 @@ def test_the_command_tells_values_and_what_the_record_shows_of_each_part(tmp_pat
     for name, truth in (("end_low", np.degrees(-0.9)), ("end_high", np.degrees(0.4))):
         assert values[name]["low"] <= truth <= values[name]["high"]
     assert (tmp_path / "out" / "figures" / "parts.png").exists()
+    again = ["--from", str(tmp_path / "out" / "model.json"), "--out", str(tmp_path / "again"), "--json"]
+    assert main([*words[:4], *again]) == 0
+    first, second = (sysid.load(tmp_path / folder / "model.json") for folder in ("out", "again"))
+    np.testing.assert_array_equal(second.prior.target, first.prior.target)
+    std = first.covariance.std()
+    moved = np.abs(second.theta - first.theta)[np.isfinite(std) & (std > 0.0)] / std[np.isfinite(std) & (std > 0.0)]
+    assert moved.max() < 1.0  # a fit that goes on from a joint keeps what is usual

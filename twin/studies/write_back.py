@@ -23,6 +23,7 @@ from sysid.workflow.record import read_record
 from twin.fragment import Check, check, put_into
 
 PARTS = ("stribeck", "plays")  # of a joint, those that MJCF has elements for
+SHOWN_BY = {"stribeck": ".stick", "plays": ".width"}  # parameters
 CLOSE = 0.005  # of the stroke: RMS up to which fragment and fit count as the same
 LEAST = 50  # samples of a record on which a fragment is checked
 TURNS = 40  # of a drawn input: crossings of the stroke, about
@@ -109,7 +110,14 @@ def read_model(
         if Path(path).suffix.lower() == ".json":
             raise InputError(f"{path} is neither a saved fit ({load_error}) nor a log ({error})") from None
         raise
-    return Source(fit_joint(data, parts=PARTS).fit, data, f"a joint fitted to {path}", True)
+    return Source(_exported_joint(data), data, f"a joint fitted to {path}", True)
+
+
+def _exported_joint(data: IOData) -> Fit:
+    """The joint with those of `PARTS` that the record shows: an element for what is not there is worse than none."""
+    joint = fit_joint(data, parts=PARTS)
+    shown = tuple(part for part in PARTS if any(SHOWN_BY[part] in name for name in joint.shown))
+    return joint.fit if shown == PARTS else fit_joint(data, parts=shown).fit
 
 
 def _drive_record(fit: Fit | NlarxFit) -> IOData:
