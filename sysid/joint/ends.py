@@ -1,6 +1,6 @@
 """Which end stops a record shows: none, the lower, the upper, or both, each fitted and each to be earned."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -41,15 +41,6 @@ _CLEAR_MARGINS = (
 )
 
 
-@dataclass(frozen=True)
-class Ends:
-    """The choice, its fit, and BIC of every choice that was fitted."""
-
-    which: str
-    fit: Fit
-    bics: dict[str, float]
-
-
 def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     """The joint with these end stops; `low` and `high` [y] are the outputs at 0 and 1 strokes.
 
@@ -66,19 +57,19 @@ def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     return sub(chain, blocks, scale[choice] if choice in scale and _has_travel_map(chain) else {})
 
 
-def present_ends(fit: Fit) -> Ends:
-    """The end stops that the fitted joint has, without a choice."""
+def present_ends(fit: Fit) -> tuple[str, Fit]:
+    """The end stops that the fitted joint has, without a choice, and the joint."""
     if motor_of(fit.model).stops:
-        return Ends("both", fit, {})
-    return Ends("none" if _has_travel_map(fit.model) else "straight", fit, {})
+        return "both", fit
+    return "none" if _has_travel_map(fit.model) else "straight", fit
 
 
 def choose_ends(
     both: Fit, data: IOData, cut: IOData, pair: tuple[Fold, ...], options: dict[str, Any], turns: bool = True
-) -> Ends:
-    """The choice with least BIC, where each stop costs `MARGIN` besides and does no harm on unseen folds.
+) -> tuple[str, Fit]:
+    """The end stops with least BIC and the joint with these; each stop costs `MARGIN` besides, and must do no harm.
 
-    The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. Joints that are nearly as good as
+    The harm is that on unseen folds. The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. Joints that are nearly as good as
     each other are judged with all their parts: the free run of a joint without friction that falls with speed, or
     without a load that repeats every turn (`turns` allows it), may be so far off that its stops explain little.
     """
@@ -95,7 +86,7 @@ def choose_ends(
             fits[choice] = variant_fit
     stopless = [name for name in fits if not ENDS[name]]
     if not stopless:
-        return Ends("both", both, {"both": float(both.criteria.bic)})
+        return "both", both
     if min(fits[name].criteria.bic for name in stopless) < both.criteria.bic + _DOUBT * MARGIN:
         for name in stopless:
             variant_fit = _fit_variant(
@@ -106,7 +97,7 @@ def choose_ends(
         fits["straight"] = with_turns(fits["straight"], data, cut, _SCREENING, options)
     cost = {name: MARGIN * (ENDS[name] + (name != "straight")) for name in fits}
     price = {name: fit.criteria.bic + cost[name] for name, fit in fits.items()}
-    close = {n for n in fits if price[n] < min(price.values()) + max(_DOUBT * MARGIN, _NEARLY_AS_GOOD * data.N)}
+    close = [n for n in fits if price[n] < min(price.values()) + max(_DOUBT * MARGIN, _NEARLY_AS_GOOD * data.N)]
     if len(close) > 1:
         for name in close:
             price[name] = min(price[name], _full_bic(fits[name], data, cut, options) + cost[name])
@@ -116,7 +107,7 @@ def choose_ends(
         errors = {name: holdout_errors(fits[name].model, fits[name].theta, pair) for name in (free, choice)}
         if is_harmful(errors[free], errors[choice], float(np.sqrt(both.criteria.mse))):
             choice = free
-    return Ends(choice, fits[choice], {name: float(fit.criteria.bic) for name, fit in fits.items()})
+    return choice, fits[choice]
 
 
 def _fit_variant(

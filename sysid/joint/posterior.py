@@ -163,11 +163,11 @@ def _plain_joint(
     points = make_starts(chain, data, starts, options["seed"])
     with_stops = fit_chain(chain, stretches, start=np.array(points), **options)
     arguments = (with_stops, data, stretches, holdout_folds(stretches), timed, turns)
-    ends = clock.within("its end stops were chosen", choose_ends, present_ends(with_stops), *arguments)
-    if stretches is data:
-        return ends.which, ends.fit
-    own_points = np.array([ends.fit.theta, *make_starts(ends.fit.model, data, starts, options["seed"])])
-    return ends.which, fit_chain(ends.fit.model, data, start=own_points, **options)
+    which, fit = clock.within("its end stops were chosen", choose_ends, present_ends(with_stops), *arguments)
+    if stretches is not data:
+        own_points = np.array([fit.theta, *make_starts(fit.model, data, starts, options["seed"])])
+        fit = fit_chain(fit.model, data, start=own_points, **options)
+    return which, fit
 
 
 def _at_rate(fit: Fit, data: IOData, k: int, options: dict[str, Any], objective: Objective = LEAST_SQUARES) -> Fit:
