@@ -69,9 +69,10 @@ def choose_ends(
 ) -> tuple[str, Fit]:
     """The end stops with least BIC and the joint with these; each stop costs `MARGIN` besides, and must do no harm.
 
-    The harm is that on unseen folds. The joints are fitted to `cut`, the record in stretches, and `pair` are its folds. Joints that are nearly as good as
-    each other are judged with all their parts: the free run of a joint without friction that falls with speed, or
-    without a load that repeats every turn (`turns` allows it), may be so far off that its stops explain little.
+    The joints are fitted to `cut`, the record in stretches, and harm is judged on `pair`, its folds. Joints that are
+    nearly as good as each other are judged with all their parts: the free run of a joint without friction that falls
+    with speed, or without a load that repeats every turn (`turns` allows it), may be so far off that its stops explain
+    little.
     """
     chain = both.model
     if not motor_of(chain).stops:
