@@ -15,7 +15,7 @@ from sysid.estimation.prior import Prior
 from sysid.excitations import Aprbs, Sweep
 from sysid.joint.posterior import fit_joint, full_joint
 from sysid.joint.prior import joint_prior, units_of
-from sysid.joint.sampling import theta_at_rate
+from sysid.joint.sampling import theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 from sysid.uncertainty.information import information
@@ -127,6 +127,28 @@ def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
     unseen = record(Aprbs(12.0), 500 + seed, 0.0)
     error = np.degrees(fit.simulate(unseen) - unseen.y[:, 0])[100:]
     assert np.sqrt(np.mean(error**2)) < 0.5
+
+
+def test_a_long_record_gives_the_joint_of_the_same_record_with_fewer_samples():
+    """Five times as many samples: starts are searched with fewer, the joint is that of the whole record."""
+    rng = np.random.default_rng(31)
+    u = np.repeat(Sweep(12.0, 7.0, jitter=0.4, shrink=0.4).generate(1500, TS, rng), 5)
+    theta = theta_at_rate(FULL_JOINT, theta_of(FULL_JOINT, TRUE), 5.0)
+    fast = IOData(u, FULL_JOINT.simulate(theta, u) + NOISE * rng.standard_normal(len(u)), TS / 5)
+    assert thinning_factor(fast, actuated_joint(play=False)) > 1
+    slow = thin(fast, 5)
+    few, many = fit_joint(slow).fit, fit_joint(fast).fit
+    std = np.maximum(theta_at_rate(few.model, few.covariance.std(), 5.0), 1e-12)
+    named = [
+        k for k, name in enumerate(few.model.names) if name.split(".")[-1] in ("gain", "rise", "fall", "low", "high")
+    ]
+    np.testing.assert_array_less(np.abs(many.theta - theta_at_rate(few.model, few.theta, 5.0))[named], 4.0 * std[named])
+    # What is usual does not depend on the sampling time; the unit of friction is that of another fit.
+    usual = [
+        prior.target[np.abs(prior.rows[:, few.model.names.index("motor.stick_speed")]) > 0]
+        for prior in (few.prior, many.prior)
+    ]
+    assert usual[1] == pytest.approx(usual[0] / 5.0, rel=0.05)
 
 
 def test_the_command_tells_values_and_what_the_record_shows_of_each_part(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""A record in stretches, and a joint at another sampling time."""
+"""What a joint is searched on: a record in stretches or with fewer samples; and a joint at another sampling time."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from sysid.blocks import Compliance, Motor
 from sysid.data.record import IOData
 from sysid.excitations import Sweep
-from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate
+from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint
 
@@ -34,12 +34,28 @@ def fast() -> IOData:
     return IOData(u, JAMS.simulate(theta_of(JAMS), u), TS)
 
 
-def test_a_joint_at_another_sampling_time_is_the_same_joint(fast: IOData) -> None:
+def test_a_joint_with_fewer_samples_is_the_same_joint(fast: IOData) -> None:
     """Between switches a motor under a held input is solved exactly: its samples lie on one curve at either rate."""
     assert np.ptp(fast.y) == pytest.approx(1.0)  # it meets both stops, and jams there
+    slow = thin(fast, K)
+    assert (slow.N, slow.Ts) == (fast.N // K, K * TS)
     theta = theta_at_rate(JAMS, theta_of(JAMS), 1.0 / K)
-    np.testing.assert_allclose(JAMS.simulate(theta, fast.u[::K]), fast.y[::K, 0], atol=1e-9)
+    np.testing.assert_allclose(JAMS.simulate(theta, slow.u), slow.y[:, 0], atol=1e-9)
     np.testing.assert_allclose(theta_at_rate(JAMS, theta, K), theta_of(JAMS), rtol=1e-12)
+
+
+def test_fewer_samples_leave_enough_of_the_record_and_of_every_way(fast: IOData) -> None:
+    """A joint that crosses in about 120 samples may have fewer; one that crosses in thirty may not."""
+    assert thinning_factor(fast, JAMS) == 1
+    u = fast.u
+    slow = IOData(u, JAMS.simulate(theta_of(JAMS, {"gain": 0.001}), u), TS)
+    k = thinning_factor(slow, JAMS)
+    assert k > 1
+    assert slow.N / k >= ENOUGH_SAMPLES
+    assert np.abs(np.diff(thin(slow, k).y[:, 0])).max() < 0.05  # twenty samples from end to end at the fastest
+    assert thinning_factor(slow.select(0, 2 * ENOUGH_SAMPLES - 1), JAMS) == 1
+    timed = actuated_joint(motor=Motor(load=1, jams=True), knots=None, play=False, fixed={"motor.delay": 2.7})
+    assert thinning_factor(slow, timed) == 1  # a delay in samples would no longer be the one that was given
 
 
 def test_stretches_are_the_record_cut_where_it_rests() -> None:
