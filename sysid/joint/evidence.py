@@ -173,7 +173,7 @@ def _link_crossings(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int,
 def _stop_evidence(test: StopTest, unit: str, name: str) -> ValueEvidence:
     counts = {"rests": len(test.visits), "arrivals": test.arrivals, "farthest": test.farthest}
     if test.met:
-        return ValueEvidence(True, f"the joint rests against it {len(test.visits)} times", counts)
+        return ValueEvidence(True, f"rests of the joint against it: {len(test.visits)}", counts)
     quantity = display_quantity(name, unit)
     place = f"{number(test.farthest * quantity.factor, 4)} {quantity.unit}".rstrip()
     return ValueEvidence(False, f"not reached: beyond {place} ({test.why})", counts)

@@ -73,22 +73,32 @@ def holdout_errors(
 
 def refit(chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = None) -> np.ndarray:
     """theta (P,) after a few iterations on another record; theta itself where no search is possible there."""
+    return refit_with_cost(chain, theta, data, prior)[0]
+
+
+def refit_with_cost(
+    chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = None
+) -> tuple[np.ndarray, float]:
+    """The same and the sum of squared errors [y^2], those of the prior included."""
     context = SearchContext(
         chain, data, Objective(prior=prior), "lm", Options(max_iterations=_ITERATIONS).begun(), None
     )
-    rows = [
-        estimate_initial(chain, resting_theta(chain, theta), e.select(0, min(e.N, INITIAL_SAMPLES)))
-        for e in data.experiments
-    ]
+    rows = [estimate_initial(chain, resting_theta(chain, theta), _first_samples(e)) for e in data.experiments]
     problem = set_curvature_weight(context, [context.problem(np.array(rows))])[0]
     outcome = context.iterate(problem, problem.start, context.options)
-    return problem.thetas(outcome.p)[0] if np.isfinite(outcome.cost) else theta
+    return (problem.thetas(outcome.p)[0] if np.isfinite(outcome.cost) else theta), outcome.cost
+
+
+def _first_samples(data: IOData) -> IOData:
+    """As many samples from the first that is observed as give the initial position."""
+    first = int(np.argmax(data.observed[:, 0]))
+    return data.select(0, min(data.N, first + INITIAL_SAMPLES))
 
 
 def _free_run(chain: Chain, theta: np.ndarray, data: IOData) -> np.ndarray:
-    first = data.select(0, min(data.N, INITIAL_SAMPLES))
     with np.errstate(all="ignore"):
-        return chain.outputs(estimate_initial(chain, resting_theta(chain, theta), first), data.u)[:, 0]
+        start = estimate_initial(chain, resting_theta(chain, theta), _first_samples(data))
+        return chain.outputs(start, data.u)[:, 0]
 
 
 def harm(plain: HoldoutErrors, richer: HoldoutErrors, floor: float) -> float:

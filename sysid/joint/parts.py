@@ -1,11 +1,14 @@
 """What a record shows of each part of a joint: its posterior beside what is usual.
 
 A part is shown where the record makes its absence much less probable than it was: the odds are the density of the prior
-at zero over that of the posterior (Dickey, Annals of Mathematical Statistics 42, 1971). Odds of 20 to 1 count as strong
-(Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995).
+at zero over that of the posterior (Dickey, Annals of Mathematical Statistics 42, 1971). The posterior of a joint is not
+normal everywhere, so strong odds are held against a search with the part at zero, and odds against it one at its
+largest usual size: they are no stronger than what that lowers the posterior by. Odds of 20 to 1 count as strong (Kass
+and Raftery, J. Amer. Statist. Assoc. 90, 1995).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,6 +17,8 @@ from scipy.stats import norm
 from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
+from sysid.joint.full import colour_level
+from sysid.joint.holdout import refit_with_cost
 from sysid.joint.prior import known_of, units_of, usual_values
 from sysid.joint.transfer import joint_information
 from sysid.motor_parts import TABLE
@@ -36,8 +41,8 @@ WORDS: dict[type, dict[str, str]] = {
 class PartEvidence:
     """A parameter that is zero without its part: estimate and deviation, beside centre and deviation of what is usual.
 
-    `odds` are those of the part against its absence. `verdict`: "shown", "absent", or "open" where the odds are not
-    strong either way.
+    `std` is nan where the record gives none. `odds` are those of the part against its absence. `verdict`: "shown",
+    "absent", or "open" where the odds are not strong either way.
     """
 
     name: str
@@ -60,8 +65,7 @@ class PartEvidence:
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
-        finite = {key: float(np.clip(v, -1e300, 1e300)) for key, v in vars(self).items() if isinstance(v, float)}
-        return {**vars(self), **finite, "verdict": self.verdict}
+        return {**vars(self), "std": self.std if np.isfinite(self.std) else None, "verdict": self.verdict}
 
 
 def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
@@ -71,7 +75,7 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
     """
     if fit.prior is None:
         return ()
-    chain = fit.model
+    chain, heights = fit.model, _Heights(fit, data)
     usual, deviations = usual_values(chain, units_of(chain, fit.theta, data)), joint_information(fit, data).std_of_fit
     found = []
     for block in chain.blocks:
@@ -83,8 +87,37 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
                 continue
             k = chain.names.index(name)
             normals = float(fit.theta[k]), float(deviations(np.eye(len(chain.names))[k])), *usual[name]
-            found.append(PartEvidence(name, words, slot.unit, *normals, _odds(*normals)))
+            odds = _odds(*normals)
+            if odds > _STRONG:
+                odds = min(odds, max(1.0, heights.odds_against(name, 0.0)))
+            elif odds * _STRONG < 1.0:
+                odds = max(odds, min(1.0, 1.0 / heights.odds_against(name, sum(usual[name]))))
+            found.append(PartEvidence(name, words, slot.unit, *normals, odds))
     return tuple(found)
+
+
+class _Heights:
+    """By how much the posterior of a joint falls where a parameter is held elsewhere and the others are searched."""
+
+    def __init__(self, fit: Fit, data: IOData) -> None:
+        self.fit, self.data = fit, data
+
+    @cached_property
+    def _best(self) -> float:
+        return refit_with_cost(self.fit.model, self.fit.theta, self.data, self.fit.prior)[1]
+
+    @cached_property
+    def _level(self) -> float:
+        return colour_level(self.fit, self.data)
+
+    def odds_against(self, name: str, value: float) -> float:
+        """Height of the posterior over that with the parameter `name` held at `value`."""
+        fit = self.fit
+        held = replace(fit.model, fixed={**fit.model.fixed, name: value})
+        theta = np.where(np.array(held.names) == name, value, fit.theta)
+        with np.errstate(all="ignore"):
+            fall = (refit_with_cost(held, theta, self.data, fit.prior)[1] - self._best) / (2.0 * self._level**2)
+        return float(np.exp(np.clip(np.nan_to_num(fall, nan=0.0), -600.0, 600.0)))
 
 
 def _odds(value: float, std: float, usual: float, spread: float) -> float:

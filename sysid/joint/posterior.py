@@ -27,9 +27,11 @@ from sysid.estimation.starts.staged_joint import play_starts
 from sysid.joint.clock import Clock
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import choose_ends, present_ends
+from sysid.joint.evidence import stop_tests
 from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_plain
 from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.parts import PartEvidence, parts_of
+from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_prior, units_of, usual_values
 from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.model.chain import Chain
@@ -53,7 +55,8 @@ _HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
 class JointFit(Shown):
     """The most likely joint, with what its record shows of its end stops and its parts.
 
-    `ends`: the end stops that the record shows ("none", "straight", "lower", "upper", "both"; see `sysid.joint.ends`).
+    `ends`: the end stops of the model ("none", "straight", "lower", "upper", "both"; see `sysid.joint.ends`); `unmet`
+    are those, "end_low" and "end_high", at which the joint never rests in the record.
     `parts`: each part beside what is usual (see `sysid.joint.parts`). `agreed` of `tried` searches from independent
     starts came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted
     to. `warnings` are sentences for a report; `stopped` is the one of them that says what the time left out, empty if
@@ -66,6 +69,7 @@ class JointFit(Shown):
     agreed: int = 1
     tried: int = 1
     unseen_percent: float = float("nan")
+    unmet: tuple[str, ...] = ()
     warnings: tuple[str, ...] = field(default=())
     stopped: str = ""
 
@@ -82,7 +86,10 @@ class JointFit(Shown):
         sentences = [f"The record shows {_listed(shown)}." if shown else ""]
         sentences += [f"It shows that there is no {_listed(absent, 'and no')}." if absent else ""]
         sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
-        sentences += ["" if self.ends == "both" else f"The record shows {ENDS_IN_WORDS[self.ends]}."]
+        sentences += [f"The record shows {ENDS_IN_WORDS[self.ends]}." if self.ends in ("none", "straight") else ""]
+        if self.unmet:
+            ends = _listed([f"{'lower' if name == 'end_low' else 'upper'} end" for name in self.unmet])
+            sentences.append(f"The model's {ends} may lie farther out: the joint never rests there.")
         return " ".join(filter(None, sentences))
 
     def plot(self) -> "Figure":
@@ -95,6 +102,7 @@ class JointFit(Shown):
         unseen = self.unseen_percent if np.isfinite(self.unseen_percent) else None
         return {
             "ends": self.ends,
+            "unmet": list(self.unmet),
             "parts": [part.as_dict() for part in self.parts],
             "agreed": self.agreed,
             "tried": self.tried,
@@ -151,7 +159,8 @@ def fit_joint(
         pair = holdout_folds(data)
         unseen = holdout_errors(fit.model, fit.theta, pair, fit.prior).percent if pair else float("nan")
         shown = parts_of(fit, data)
-    result = JointFit(fit, which, shown, agreed, tried, unseen, stopped=clock.sentence())
+        unmet = _unmet_ends(fit, data)
+    result = JointFit(fit, which, shown, agreed, tried, unseen, unmet, stopped=clock.sentence())
     return replace(result, warnings=tuple(_warnings(result, data)))
 
 
@@ -267,6 +276,13 @@ def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
             for slope in (weight, -weight):
                 for hold in _HOLDS:
                     yield width * way, 0.0, hold * weight * way, -slope * hang, slope
+
+
+def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:
+    """The end stops of the model at which the joint never rests in its record."""
+    tests = stop_tests(fit, data)
+    ends = zip(("end_low", "end_high"), ends_of(fit.model, fit.theta), strict=True)
+    return tuple(name for name, end in ends if np.isfinite(end) and not tests[name].met)
 
 
 def _warnings(joint: JointFit, data: IOData) -> Iterator[str]:

@@ -48,4 +48,5 @@ def joint_band(fit: Fit, data: IOData, record: IOData, level: float = 0.95, nois
     The first outputs of `record` give its initial state, as in `sysid.uncertainty.bands`; `noise`: whether new
     measurements should lie in the band. Raises the errors of `information` and `monte_carlo`.
     """
-    return monte_carlo(joint_information(fit, data), record, level, noise, draws=_DRAWS)
+    with np.errstate(all="ignore"):  # a draw may run away, which the band's note says
+        return monte_carlo(joint_information(fit, data), record, level, noise, draws=_DRAWS)

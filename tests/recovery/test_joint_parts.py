@@ -270,3 +270,33 @@ def test_a_joint_whose_parts_run_away_is_the_plain_one(
     assert joint.parts == ()
     assert np.all(np.isfinite(joint.fit.simulate(data.u)))
     assert joint.fit.fit_percent(data) > 90.0
+
+
+@pytest.mark.parametrize("case", ["gap", "gap at first", "no input"])
+def test_a_record_with_a_gap_or_without_input_gives_numbers_or_a_sentence(case: str) -> None:
+    """A gap longer than the samples that give a free run its initial position; an input that is zero throughout."""
+    chain, rng = PLANTS["plain"][0], np.random.default_rng(41)
+    u = Sweep(12.0, 7.0, jitter=0.4, shrink=0.4).generate(700, TS, rng)
+    y = chain.simulate(theta_of(chain, {"motor.x0": 0.45}), u) + NOISE * rng.normal(size=700)
+    if case == "no input":
+        with pytest.raises(InputError, match=r"[a-z]"):
+            fit_joint(IOData(0.0 * u, NOISE * rng.normal(size=700), TS))
+        return
+    missing = np.zeros((700, 1), dtype=bool)
+    missing[slice(0, 60) if case == "gap at first" else slice(345, 405)] = True
+    joint = fit_joint(IOData(u, y, TS, missing=missing))
+    json.dumps(joint.as_dict(), allow_nan=False)
+    assert joint.fit.criteria.mse == pytest.approx(NOISE**2, rel=0.3)
+    assert np.isfinite(joint.unseen_percent)
+
+
+def test_a_backlash_that_hardly_changes_the_fit_is_not_shown() -> None:
+    """Joints without backlash whose posterior at a local optimum is far from zero: a search without it is as good."""
+    chain, shown_widths = PLANTS["stribeck"][0], []
+    for seed in range(4):
+        rng = np.random.default_rng([seed, 43])
+        u = Sweep(12.0, 7.0, jitter=0.4, shrink=0.4).generate(800, TS, rng)
+        y = chain.simulate(theta_of(chain, STRIBECK | {"motor.x0": 0.45}), u)
+        joint = fit_joint(IOData(u, y + NOISE * rng.normal(size=800), TS), seed=seed)
+        shown_widths.append("play.width" in joint.shown)
+    assert sum(shown_widths) <= 1, shown_widths

@@ -139,7 +139,7 @@ def _physics(
         creep = np.exp(rng.uniform(*np.log([0.003, 0.3])))
     dry = friction * properties.volts
     rest = max(properties.volts - dry, 0.05 * properties.volts)  # of the volts, for speed
-    gain = properties.speed / rest / (abs(way) if mapped else 1.0) * haste
+    gain = properties.speed / (rest or 1.0) / (abs(way) if mapped else 1.0) * haste
     return {
         "gain": gain if mapped or properties.sign > 0 else 1e-6,
         "lag": lag,
