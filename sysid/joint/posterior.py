@@ -7,7 +7,6 @@ posteriori), with few starts. Which parts the record shows is a question to the 
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,14 +15,12 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.handlers import Shown, handler
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
+from sysid.estimation.joint_parts import lift_theta, shake_theta
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
-from sysid.estimation.starts.staged_joint import play_starts
 from sysid.joint.clock import Clock
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import choose_ends, present_ends
@@ -34,6 +31,7 @@ from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_prior, units_of, usual_values
 from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
+from sysid.joint.starting_points import plays_of, starting_points
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.structures import actuated_joint
@@ -41,14 +39,11 @@ from sysid.structures import actuated_joint
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_POINTS, _LEADERS = 24, 4  # starts with parts, of which some go on after a few iterations
+_LEADERS = 4  # starting points that are searched to the end
 _SHAKES = 12  # places near the optimum that are tried
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 _SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
 _UNSEEN_LOSS = 3.0  # points of fit on unseen parts that a warning speaks of
-# Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
-_WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (0.3, 2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
-_HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
 
 
 @dataclass(frozen=True, repr=False)
@@ -56,11 +51,10 @@ class JointFit(Shown):
     """The most likely joint, with what its record shows of its end stops and its parts.
 
     `ends`: the end stops of the model ("none", "straight", "lower", "upper", "both"; see `sysid.joint.ends`); `unmet`
-    are those, "end_low" and "end_high", at which the joint never rests in the record.
-    `parts`: each part beside what is usual (see `sysid.joint.parts`). `agreed` of `tried` searches from independent
-    starts came to this joint; `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted
-    to. `warnings` are sentences for a report; `stopped` is the one of them that says what the time left out, empty if
-    nothing.
+    are those, "end_low" and "end_high", at which the joint never rests in the record. `parts`: each part beside what is
+    usual (see `sysid.joint.parts`). `agreed` of `tried` searches from independent starts came to this joint;
+    `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `warnings` are sentences
+    for a report; `stopped` is the one of them that says what the time left out, empty if nothing.
     """
 
     fit: Fit
@@ -86,7 +80,8 @@ class JointFit(Shown):
         sentences = [f"The record shows {_listed(shown)}." if shown else ""]
         sentences += [f"It shows that there is no {_listed(absent, 'and no')}." if absent else ""]
         sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
-        sentences += [f"The record shows {ENDS_IN_WORDS[self.ends]}." if self.ends in ("none", "straight") else ""]
+        if self.ends != "both" and not self.unmet:
+            sentences.append(f"The record shows {ENDS_IN_WORDS[self.ends]}.")
         if self.unmet:
             ends = _listed([f"{'lower' if name == 'end_low' else 'upper'} end" for name in self.unmet])
             sentences.append(f"The model's {ends} may lie farther out: the joint never rests there.")
@@ -213,7 +208,7 @@ class _Search:
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
         level = _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse))
-        points = np.array(list(_starting_points(plain, full, usual_values(full, units), rough, rng)))
+        points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
         heights = np.zeros(1)  # of the first searches' ends, below the highest, in logarithms of the posterior
         for cut in (cut_at_rests(rough, plain.model), rough):
             objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
@@ -223,7 +218,7 @@ class _Search:
                 heights = 0.5 * rough.N * (np.array(fit.losses) - min(fit.losses)) / level**2
             level = colour_level(fit, cut)
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
-            others = [lift_theta(full, fit.theta, full, play) for play in _plays(full, fit.theta, rough)]
+            others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough)]
             points = np.array([fit.theta, *shaken, *others])
         for k in (1,) if self.k == 1 else (self.k, 1):
             fit = self._over_whole_record(fit, k, level)
@@ -236,46 +231,6 @@ class _Search:
         units = units_of(chain_at_rate(plain.model, times), theta_at_rate(plain.model, plain.theta, times), self.data)
         prior = joint_prior(chain_at_rate(fit.model, k), units, level)
         return _at_rate(fit, self.data, k, self.options, Objective(curvature_weight=0.0, prior=prior))
-
-
-def _starting_points(
-    plain: Fit, full: Chain, values: dict[str, tuple[float, float]], data: IOData, rng: np.random.Generator
-) -> Iterator[np.ndarray]:
-    """The plain joint as it is, with usual parts, and with drawn parts and the backlashes that suit best."""
-    new = {name: value for name, value in values.items() if name not in plain.model.names}
-    low = dict(zip(full.names, full.limits[0], strict=True))
-    centres = {name: centre for name, (centre, _) in new.items()}
-    plays = _plays(full, lift_theta(plain.model, plain.theta, full, centres), data)
-    yield lift_theta(plain.model, plain.theta, full, {})
-    for k in range(_POINTS - 1):
-        drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
-        drawn = {name: abs(value) if low[name] >= 0.0 else value for name, value in drawn.items()}
-        yield lift_theta(plain.model, plain.theta, full, drawn | plays[k % len(plays)])
-
-
-def _plays(full: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
-    """Backlashes for the starts, those first that explain most of what the joint without them leaves."""
-    blocks = tuple(block for block in full.blocks if not isinstance(block, Play | CoastingPlay))
-    if len(blocks) == len(full.blocks):
-        return [{}]
-    middle = sub(full, blocks)
-    links = partial(_links, data.Ts) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
-    theta, pulls = lift_theta(full, theta, middle, {}), dict[tuple[float, float], dict[str, float]]()
-    for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides a backlash
-        pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
-    return list(pulls.values())[: _POINTS // 2]
-
-
-def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
-    """width, rest, drag, pull0, pull1 of links without weight, and of links that hang or stand."""
-    way, weight = high - low, _WEIGHT * Ts**2
-    for width in _WIDTHS:
-        for bearing in _BEARINGS:
-            yield width * way, 0.0, bearing * Ts**2 * way, 0.0, 0.0
-        for hang in (low + share * way for share in _HANGS):
-            for slope in (weight, -weight):
-                for hold in _HOLDS:
-                    yield width * way, 0.0, hold * weight * way, -slope * hang, slope
 
 
 def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:

@@ -1,0 +1,58 @@
+"""Where the search of a joint with all parts begins: drawn parts, and the backlashes that suit best."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from sysid.blocks import CoastingPlay, Play
+from sysid.data.record import IOData
+from sysid.estimation.joint_parts import lift_theta, sub
+from sysid.estimation.result import Fit
+from sysid.estimation.starts.staged_joint import play_starts
+from sysid.model.chain import Chain
+
+_POINTS = 24
+# Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
+_WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (0.3, 2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
+_HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
+
+
+def starting_points(
+    plain: Fit, full: Chain, values: dict[str, tuple[float, float]], data: IOData, rng: np.random.Generator
+) -> Iterator[np.ndarray]:
+    """The plain joint as it is, with usual parts, and with drawn parts and the backlashes that suit best."""
+    new = {name: value for name, value in values.items() if name not in plain.model.names}
+    low = dict(zip(full.names, full.limits[0], strict=True))
+    centres = {name: centre for name, (centre, _) in new.items()}
+    plays = plays_of(full, lift_theta(plain.model, plain.theta, full, centres), data)
+    yield lift_theta(plain.model, plain.theta, full, {})
+    for k in range(_POINTS - 1):
+        drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
+        drawn = {name: abs(value) if low[name] >= 0.0 else value for name, value in drawn.items()}
+        yield lift_theta(plain.model, plain.theta, full, drawn | plays[k % len(plays)])
+
+
+def plays_of(full: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
+    """Backlashes for the starts, those first that explain most of what the joint without them leaves."""
+    blocks = tuple(block for block in full.blocks if not isinstance(block, Play | CoastingPlay))
+    if len(blocks) == len(full.blocks):
+        return [{}]
+    middle = sub(full, blocks)
+    links = partial(_links, data.Ts) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
+    theta, pulls = lift_theta(full, theta, middle, {}), dict[tuple[float, float], dict[str, float]]()
+    for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides a backlash
+        pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
+    return list(pulls.values())[: _POINTS // 2]
+
+
+def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
+    """width, rest, drag, pull0, pull1 of links without weight, and of links that hang or stand."""
+    way, weight = high - low, _WEIGHT * Ts**2
+    for width in _WIDTHS:
+        for bearing in _BEARINGS:
+            yield width * way, 0.0, bearing * Ts**2 * way, 0.0, 0.0
+        for hang in (low + share * way for share in _HANGS):
+            for slope in (weight, -weight):
+                for hold in _HOLDS:
+                    yield width * way, 0.0, hold * weight * way, -slope * hang, slope
