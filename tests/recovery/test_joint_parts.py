@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from often import FULL
+from scipy.signal import lfilter
 from scipy.stats import truncnorm
 
 import sysid
@@ -116,7 +117,7 @@ def stribeck() -> tuple[IOData, JointFit]:
     return fitted("stribeck", 0)
 
 
-@pytest.mark.parametrize("plant", ["screw", "coasts", "stribeck", pytest.param("all", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("plant", ["screw", "coasts", "stribeck", "all"])
 def test_the_parts_of_a_joint_are_shown_and_it_gets_as_low_as_from_the_truth(plant: str) -> None:
     (data, joint), (chain, more, parts) = fitted(plant, 0), PLANTS[plant]
     assert shown(joint) == parts
@@ -175,6 +176,23 @@ def test_the_odds_of_a_part_are_those_of_truncated_normals_at_zero() -> None:
         assert part.odds == pytest.approx(densities[0] / densities[1], rel=1e-9)
         assert part.verdict == ("shown" if part.odds > 20.0 else "absent" if part.odds < 0.05 else "open")
     assert parts._odds(0.3, np.inf, 0.2, 0.2) == 1.0
+
+
+def test_odds_are_no_stronger_than_what_a_search_without_the_part_loses(
+    stribeck: tuple[IOData, JointFit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, joint = stribeck
+    monkeypatch.setattr(parts._Heights, "odds_against", lambda *_: 2.0)
+    assert {part.verdict for part in parts.parts_of(joint.fit, data)} == {"open"}
+
+
+def test_a_filter_is_no_joint_and_a_motor_without_friction_follows_it() -> None:
+    """A spring of any size: nothing usual draws it towards the friction, of which there is none."""
+    rng = np.random.default_rng(44)
+    u = Sweep(10.0, 4.0, jitter=0.5, shrink=0.3).generate(600, TS, rng)
+    y = lfilter([0.0, 0.05, 0.04], np.convolve([1.0, -0.9], [1.0, -0.8]), u)
+    data = IOData(u, y + 0.005 * np.std(y) * rng.normal(size=600), TS)
+    assert fit_joint(data).fit.fit_percent(data) > 95.0
 
 
 def test_a_fit_tells_what_its_record_shows(stribeck: tuple[IOData, JointFit]) -> None:
