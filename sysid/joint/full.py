@@ -18,7 +18,7 @@ from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
-from sysid.joint.prior import joint_prior, units_of, usual_values
+from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
@@ -102,7 +102,7 @@ def rough_posterior(
     full, units = full_joint(plain.model, whole), units_of(plain.model, plain.theta, whole)
     centres = {name: c for name, (c, _) in usual_values(full, units).items() if name not in plain.model.names}
     point = lift_theta(plain.model, plain.theta, full, centres)
-    objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
+    objective = joint_objective(full, units, level)
     return fit_chain(full, data, start=point[None], options=limit, objective=objective, **options)
 
 

@@ -29,7 +29,7 @@ from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_pl
 from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
-from sysid.joint.prior import joint_prior, units_of, usual_values
+from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.joint.starting_points import plays_of, starting_points
 from sysid.model.chain import Chain
@@ -211,7 +211,7 @@ class _Search:
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
         heights = np.zeros(1)  # of the first searches' ends, below the highest, in logarithms of the posterior
         for cut in (cut_at_rests(rough, plain.model), rough):
-            objective = Objective(curvature_weight=0.0, prior=joint_prior(full, units, level))
+            objective = joint_objective(full, units, level)
             leaders = best_points(full, points, cut, _LEADERS, objective)
             fit = fit_chain(full, cut, start=leaders, objective=objective, **self.options)
             if len(heights) == 1:
@@ -220,17 +220,16 @@ class _Search:
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough)]
             points = np.array([fit.theta, *shaken, *others])
-        for k in (1,) if self.k == 1 else (self.k, 1):
-            fit = self._over_whole_record(fit, k, level)
+        if self.k > 1:
+            fit = self._over_whole_record(fit, self.k, level)
             level = colour_level(fit, self.data)
-        return fit, int(np.sum(heights <= _SAME)), len(heights)
+        return self._over_whole_record(fit, 1, level), int(np.sum(heights <= _SAME)), len(heights)
 
     def _over_whole_record(self, fit: Fit, k: int, level: float) -> Fit:
         """The fit over the whole record, from one with k samples as one."""
         plain, times = self.plain, self.k
         units = units_of(chain_at_rate(plain.model, times), theta_at_rate(plain.model, plain.theta, times), self.data)
-        prior = joint_prior(chain_at_rate(fit.model, k), units, level)
-        return _at_rate(fit, self.data, k, self.options, Objective(curvature_weight=0.0, prior=prior))
+        return _at_rate(fit, self.data, k, self.options, joint_objective(chain_at_rate(fit.model, k), units, level))
 
 
 def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
+from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
 from sysid.joint.physics import travel_of
 from sysid.model.chain import Chain
@@ -106,6 +107,11 @@ def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
             know({f"{travel.role}.s{i}": 1.0, **neighbours}, 0.5 * (i + 2 == travel.knots), _BENT)
     matrix = np.array([[row.get(name, 0.0) for name in chain.names] for row in rows]).reshape(-1, len(chain.names))
     return Prior(matrix, np.array(target), level / np.array(spread), chosen=True)
+
+
+def joint_objective(chain: Chain, units: dict[str, float], level: float) -> Objective:
+    """Least squares under that prior."""
+    return Objective(curvature_weight=0.0, prior=joint_prior(chain, units, level))
 
 
 def known_of(block: Block, name: str, table: Mapping[type, Mapping[str, T]]) -> T | None:
