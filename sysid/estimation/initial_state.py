@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.block.block import StaticBlock
-from sysid.blocks import Motor, ProfiledMotor, TravelMap
+from sysid.blocks import ProfiledMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.likely_state import likely_initial
@@ -133,7 +133,7 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
     names = [slot.name for slot in motor.slots()]
     part = rest[chain.index(motor)]
-    levels = np.linspace(*_way(chain, motor, part, y), 401)
+    levels = np.linspace(*_way(chain, theta, y), 401)
     curve = levels
     for b in chain.blocks[k + 1 :]:
         if isinstance(b, StaticBlock):
@@ -143,13 +143,17 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     return rest
 
 
-def _way(chain: Chain, motor: Motor, part: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+def _way(chain: Chain, theta: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     """Positions of the motor where it may be: between its stops, or, without one, where the record has been.
 
-    With a travel map positions are in strokes, and a record leaves the stroke by less than its length.
+    With a curved travel map positions are in strokes, and a record leaves the stroke by less than its length.
     """
-    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    motor, travel = motor_of(chain), next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    part, mapped = chain.part(theta, motor), travel is not None and travel.knots > 2
     low, high = (-1.0, 2.0) if mapped else (float(y.min()), float(y.max()))
+    if travel is not None and not mapped:
+        first, last = chain.part(theta, travel)
+        low, high = sorted(((low - first) / (last - first), (high - first) / (last - first)))
     if not motor.stops:
         return low, high
     lower, upper = (motor.value(part, name) for name in ("lower", "upper"))

@@ -11,7 +11,7 @@ from sysid.data.record import IOData
 from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.physics import breakaway_over_place, slope_of, volts_to_move
+from sysid.joint.physics import breakaway_over_place, slope_of, volts_to_move, way_up
 from sysid.joint.sampling import response_samples
 from sysid.joint.spread import LACKS, Spread
 from sysid.joint.stops import REST_SAMPLES, SURE_DEVIATIONS, drive_sign, mean_speeds, rounding_deviation, speed_window
@@ -154,7 +154,7 @@ def breakaway(fit: Fit, data: IOData, starts: Sequence[RestStart], way: int, spr
     joint. A motor that crosses its backlash before its link moves started earlier (`_earliest`).
     """
     chain, theta = fit.model, fit.theta
-    volts_at, output_way = breakaway_over_place(chain, theta), way if slope_of(chain, theta) > 0.0 else -way  # of y
+    volts_at, output_way = breakaway_over_place(chain, theta), way * way_up(chain, theta)  # of y
     friction = max(0.5 * abs(volts_to_move(chain, theta, 1, True) - volts_to_move(chain, theta, -1, True)), 1e-9)
     bounded_starts = [_with_earliest_voltage(fit, data, start, way) for start in starts if start.way == output_way]
     slow = [start for start in bounded_starts if 0.0 < abs(start.moved - start.held) <= _SLOW_BRACKET * friction]

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.blocks import Motor, TravelMap
+from sysid.blocks import Motor, ServoMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
@@ -14,6 +14,8 @@ from sysid.estimation.result import Fit
 from sysid.estimation.starts.joint import Joint
 from sysid.joint.full import rough_posterior, with_turns
 from sysid.joint.holdout import holdout_errors, is_harmful
+from sysid.joint.physics import travel_of
+from sysid.joint.stops import drive_sign
 from sysid.model.chain import Chain
 from sysid.selection.folds import Fold
 from sysid.solver.iterate import Options
@@ -50,18 +52,42 @@ def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     if choice == "both":
         return chain
     fewer = replace(motor, stops=choice if choice in ("lower", "upper") else False)
-    blocks = tuple(
-        fewer if b is motor else b for b in chain.blocks if choice != "straight" or not isinstance(b, TravelMap)
-    )
-    scale = {"lower": {"map.high": high}, "upper": {"map.low": low}, "none": {"map.low": low, "map.high": high}}
-    return sub(chain, blocks, scale[choice] if choice in scale and _has_travel_map(chain) else {})
+    blocks, travel = tuple(fewer if b is motor else b for b in chain.blocks), travel_of(chain)
+    if travel is None or travel.knots == 2:
+        return sub(chain, blocks)
+    held = {"lower": {"map.high": high}, "upper": {"map.low": low}}.get(choice, {"map.low": low, "map.high": high})
+    if choice == "straight":
+        straight = (TravelMap(2, role=travel.role),) if low > high else ()
+        blocks = tuple(line for b in blocks for line in (straight if b is travel else (b,)))
+        held = held if straight else {}
+    return sub(chain, blocks, held)
+
+
+def straight_for(chain: Chain, data: IOData) -> Chain:
+    """A joint without linkage, with a straight one that falls where the output falls as the voltage rises.
+
+    The motor's position then rises with the voltage, as everywhere; it is in strokes of the way in the record, which
+    the period of a load is divided by. A chain with parameters that the user holds or bounds keeps its units.
+    """
+    motor, k = motor_of(chain), chain.blocks.index(motor_of(chain))
+    y = data.y[data.observed[:, 0], 0]
+    way, held = float(np.ptp(y)), {f"{motor.role}.{name}": 0.0 for name in ("v0", "load0")}
+    own = {name: value for name, value in {**chain.fixed, **chain.bounds}.items() if name.startswith(f"{motor.role}.")}
+    free = all(name in held or (name.endswith(".load1") and value[0] == 0.0) for name, value in own.items())
+    falls = sum(drive_sign(part.u, part.y) * part.N for part in data.experiments) < 0.0
+    if isinstance(motor, ServoMotor) or chain.block("sensor") or travel_of(chain) or not (free and falls and way > 0.0):
+        return chain
+    turned = replace(motor, at=0.5, period=motor.period / way)
+    scale = {"map.low": float(y.max()), "map.high": float(y.min())}
+    blocks = (*chain.blocks[:k], turned, TravelMap(2, role="map"), *chain.blocks[k + 1 :])
+    return replace(chain, blocks=blocks, fixed={**chain.fixed, **scale})
 
 
 def present_ends(fit: Fit) -> tuple[str, Fit]:
     """The end stops that the fitted joint has, without a choice, and the joint."""
     if motor_of(fit.model).stops:
         return "both", fit
-    return "none" if _has_travel_map(fit.model) else "straight", fit
+    return "none" if travel_of(fit.model) else "straight", fit
 
 
 def choose_ends(
@@ -78,9 +104,11 @@ def choose_ends(
     if not motor_of(chain).stops:
         return present_ends(both)
     low, high = _end_outputs(both)
+    travel = travel_of(chain)
+    curved = travel is not None and travel.knots > 2
     fits = {"both": both}
     for choice in ENDS:
-        if choice == "both" or (choice == "straight" and not (_has_travel_map(chain) and low < high)):
+        if choice == "both" or (choice == "straight" and not curved):
             continue
         variant_fit = _fit_variant(variant(chain, choice, low, high), both, data, cut, _OWN_STARTS, options)
         if variant_fit is not None:
@@ -118,7 +146,7 @@ def _fit_variant(
     free = not motor_of(chain).stops
     points = (
         [lift_theta(known_fit.model, known_fit.theta, chain, {})]
-        if _has_travel_map(chain) or not _has_travel_map(known_fit.model)
+        if travel_of(chain) or not travel_of(known_fit.model)
         else []
     )
     points += Joint().starts(chain, data, own_starts, options["seed"]) if free or not points else []
@@ -135,10 +163,6 @@ def _full_bic(plain: Fit, data: IOData, cut: IOData, options: dict[str, Any]) ->
         return float(rough_posterior(plain, data, cut, level, _SCREENING, options).criteria.bic)
     except (InputError, np.linalg.LinAlgError):
         return np.inf
-
-
-def _has_travel_map(chain: Chain) -> bool:
-    return any(isinstance(b, TravelMap) for b in chain.blocks)
 
 
 def _end_outputs(fit: Fit) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.breakaway import Breakaway, RestStart, breakaway, starts_from_rest
-from sysid.joint.physics import ends_of, travel_of
+from sysid.joint.physics import ends_of, travel_of, way_up
 from sysid.joint.sampling import rate_needed, response_samples
 from sysid.joint.spread import END_REACH, Spread, spread_of
 from sysid.joint.stops import StopTest, noise_level, stop_test
@@ -82,7 +82,7 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     starts = tuple(starts_from_rest(data, noise, _response_step(fit))) if readable else ()
     breakaways = {}
     for name, way in (("breakaway_up", 1), ("breakaway_down", -1)):
-        breakaways[name] = breakaway(fit, data, starts, way, spread)
+        breakaways[name] = breakaway(fit, data, starts, way * way_up(chain, theta), spread)
         values[name] = _start_evidence(breakaways[name].count, breakaways[name].share, "up" if way > 0 else "down")
     if links is not None:
         values["backlash"] = _crossing_evidence(fit, *links, _play_uncertainty(fit, spread))

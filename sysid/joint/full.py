@@ -52,7 +52,7 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     if isinstance(motor, ServoMotor):
         options["sags"] = motor.sags or "sags" in wanted
     if data is not None and "turns" in wanted and _may_turn(plain, data):
-        options |= {"periodic": 1, "period": turn_of(data)}
+        options |= {"periodic": 1, "period": turn_of(data) / _stroke(plain)}
     full = replace(motor, **options)
     full = replace(full, loss="loss" in wanted and full.loaded)
     blocks = [full if block is motor else block for block in plain.blocks]
@@ -66,10 +66,19 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
 
 def _may_turn(chain: Chain, data: IOData) -> bool:
     """Whether a load may repeat every turn of the joint, and the record is long enough to show it."""
-    if motor_of(chain).periodic or any(isinstance(block, TravelMap) for block in chain.blocks):
+    if motor_of(chain).periodic or not _stroke(chain):
         return False
     least, largest = (share * turn_of(data) for share in TURNS_NEEDED)
     return bool(least < np.ptp(data.y) < largest)
+
+
+def _stroke(chain: Chain) -> float:
+    """Length [y] of the motor's unit of place: 1 without a linkage, the way of a straight one that is held, else 0."""
+    travel = next((block for block in chain.blocks if isinstance(block, TravelMap)), None)
+    if travel is None:
+        return 1.0
+    ends = [chain.fixed.get(f"{travel.role}.{end}", np.nan) for end in ("low", "high")]
+    return float(np.nan_to_num(abs(ends[1] - ends[0]))) if travel.knots == 2 else 0.0
 
 
 def with_turns(plain: Fit, data: IOData, cut: IOData, limit: Options, options: dict[str, Any]) -> Fit:

@@ -2,8 +2,8 @@
 
 A part is shown where the record makes its absence much less probable than it was: the odds are the density of the prior
 at zero over that of the posterior (Dickey, Annals of Mathematical Statistics 42, 1971). The posterior of a joint is not
-normal everywhere, so strong odds are held against a search with the part at zero, and odds against it one at its
-largest usual size: they are no stronger than what that lowers the posterior by. Odds of 20 to 1 count as strong (Kass
+normal everywhere, so strong odds are held against a search with the part at zero, and odds against it those at its
+usual and its largest usual size: they are no stronger than what that lowers the posterior by. Odds of 20 to 1 count as strong (Kass
 and Raftery, J. Amer. Statist. Assoc. 90, 1995).
 """
 
@@ -19,6 +19,7 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.full import colour_level
 from sysid.joint.holdout import refit_with_cost
+from sysid.joint.physics import way_up
 from sysid.joint.prior import known_of, units_of, usual_values
 from sysid.joint.transfer import joint_information
 from sysid.motor_parts import TABLE
@@ -85,13 +86,16 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
                 words = next((TABLE[p].words for p in block.further if TABLE[p].shown == slot.name), words)
             if words is None or name not in usual:
                 continue
+            if way_up(chain, fit.theta) < 0 and words.endswith("ward"):
+                words = f"{words.rsplit(' ', 1)[0]} {'downward' if words.endswith('upward') else 'upward'}"
             k = chain.names.index(name)
             normals = float(fit.theta[k]), float(deviations(np.eye(len(chain.names))[k])), *usual[name]
             odds = _odds(*normals)
             if odds > _STRONG:
                 odds = min(odds, max(1.0, heights.odds_against(name, 0.0)))
             elif odds * _STRONG < 1.0:
-                odds = max(odds, min(1.0, 1.0 / heights.odds_against(name, sum(usual[name]))))
+                usual_sizes = {usual[name][0], sum(usual[name])} - {0.0}
+                odds = max(odds, *(min(1.0, 1.0 / heights.odds_against(name, size)) for size in usual_sizes))
             found.append(PartEvidence(name, words, slot.unit, *normals, odds))
     return tuple(found)
 

@@ -44,6 +44,11 @@ def slope_of(chain: Chain, theta: np.ndarray) -> float:
     return float(ends[1] - ends[0]) / 0.2
 
 
+def way_up(chain: Chain, theta: np.ndarray) -> int:
+    """The motor's way, 1 or -1, under which the output rises: -1 with a reversed sensor."""
+    return 1 if slope_of(chain, theta) > 0.0 else -1
+
+
 def volts_to_move(chain: Chain, theta: np.ndarray, direction: int, static: bool, place: float | None = None) -> float:
     """Input [V] for friction and load in a direction of the motor, at its position `place` (None: mid stroke)."""
     motor = motor_of(chain)

@@ -23,7 +23,7 @@ from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
 from sysid.joint.clock import Clock
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
-from sysid.joint.ends import choose_ends, present_ends
+from sysid.joint.ends import choose_ends, present_ends, straight_for
 from sysid.joint.evidence import stop_tests
 from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_plain
 from sysid.joint.holdout import holdout_errors, holdout_folds
@@ -143,7 +143,7 @@ def fit_joint(
     timed = {**options, "progress": clock.hears(progress)}
     # A motor that does not suit runs away.
     with one_blas_thread(), np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        chain = chain.scaled(data.u, data.y)
+        chain = straight_for(chain.scaled(data.u, data.y), data)
         k = thinning_factor(data, chain)
         rough = thin(data, k)
         which, plain_fit = _plain_joint(chain, rough, starts, "turns" in names, options, timed, clock)

@@ -14,7 +14,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import Evidence, ValueEvidence, evidence
-from sysid.joint.physics import ends_of, slope_of, travel_of, volts_to_move
+from sysid.joint.physics import ends_of, slope_of, travel_of, volts_to_move, way_up
 from sysid.joint.spread import END_REACH, Spread, spread_of, structural_deviation, white_spread
 from sysid.model.chain import Chain
 
@@ -74,10 +74,11 @@ def joint_values(
 ) -> tuple[JointValue, ...]:
     """Physical values of an `actuated_joint`, at mid stroke if they depend on position.
 
-    speed_per_volt [y/s/V], time_constant [s], breakaway_up and breakaway_down [V] (break-away voltage with load,
-    static friction and the driver's dead zone), coulomb_up and coulomb_down [V] (voltage for friction and load in
-    motion), end_low and end_high [y], backlash [y], delay [s]; y is the unit of the record where one is given. Without
-    `stribeck` static and moving friction are equal.
+    Up is where the output rises, whatever the sign of the voltage. speed_per_volt [y/s/V], time_constant [s],
+    breakaway_up and breakaway_down [V] (break-away voltage with load, static friction and the driver's dead zone),
+    coulomb_up and coulomb_down [V] (voltage for friction and load in motion), end_low and end_high [y], backlash
+    [y], delay [s]; y is the unit of the record where one is given. Without `stribeck` static and moving friction
+    are equal.
 
     Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
     residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see
@@ -206,7 +207,7 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         return of("gain")(theta) * slope_of(chain, theta) / Ts
 
     def held(theta: np.ndarray, direction: int, static: bool) -> float:
-        return volts_to_move(chain, theta, direction, static)
+        return volts_to_move(chain, theta, direction * way_up(chain, theta), static)
 
     servo = isinstance(motor, ServoMotor)
     volts = "duty" if servo and chain.fixed.get(f"{motor.role}.limit") == 1.0 else "V"
@@ -218,11 +219,12 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         "coulomb_up": (volts, lambda theta: held(theta, 1, False), -np.inf),
         "coulomb_down": (volts, lambda theta: held(theta, -1, False), -np.inf),
     }
-    if travel is not None:
+    if travel is not None and travel.knots > 2:
         readings["end_low"] = (y, lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
         readings["end_high"] = (y, lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
     elif motor.stops:
-        readings["end_low"], readings["end_high"] = (y, of("lower"), -np.inf), (y, of("upper"), -np.inf)
+        readings["end_low"] = (y, lambda theta: ends_of(chain, theta)[0], -np.inf)
+        readings["end_high"] = (y, lambda theta: ends_of(chain, theta)[1], -np.inf)
     if play is not None:
         readings["backlash"] = (y, lambda theta: float(chain.part(theta, play)[0]), 0.0)
     if servo:
