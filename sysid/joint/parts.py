@@ -3,8 +3,8 @@
 A part is shown where the record makes its absence much less probable than it was: the odds are the density of the prior
 at zero over that of the posterior (Dickey, Annals of Mathematical Statistics 42, 1971). The posterior of a joint is not
 normal everywhere, so strong odds are held against a search with the part at zero, and odds against it those at its
-usual and its largest usual size: they are no stronger than what that lowers the posterior by. Odds of 20 to 1 count as strong (Kass
-and Raftery, J. Amer. Statist. Assoc. 90, 1995).
+usual and its largest usual size: they are no stronger than what that lowers the posterior by. Odds of 20 to 1 count as
+strong (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995).
 """
 
 from dataclasses import dataclass, replace
