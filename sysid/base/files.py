@@ -126,13 +126,12 @@ class Lines:
         self._repaired = False
 
     def read(self) -> list[str]:
-        """The complete lines; none if there is no file."""
-        if not check_regular_file(self.path).exists():
-            return []
-        return [
-            line.decode("utf-8", "replace")
-            for line in self._complete_lines().removeprefix(codecs.BOM_UTF8).split(b"\n")[:-1]
-        ]
+        """The complete lines; none if there is no file, or none any more: another process may end while it is read."""
+        check_regular_file(self.path)
+        with suppress(FileNotFoundError):
+            lines = self._complete_lines().removeprefix(codecs.BOM_UTF8).split(b"\n")[:-1]
+            return [line.decode("utf-8", "replace") for line in lines]
+        return []
 
     def append(self, line: str) -> None:
         """Appends one line. Raises OSError if it cannot be written, and then leaves no file that was not there."""

@@ -32,6 +32,7 @@ AUXILIARY = words(
     "speed velocity vel omega rate acceleration acc accel temp temperature load current torque supply vin vbat battery "
     "vcc vdd power effort gyro"
 )
+SPEED = words("speed velocity vel omega rpm drehzahl")  # an output where no other column can be one
 # Of a file of two columns these say which is which; among more columns they may mean something else.
 WEAK_INPUT = words(
     "inputs uin excitation excite stimulus drive actuator actuation torque force current load power effort cmds "
@@ -287,7 +288,10 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
     """The only column beside `partner` that moves, if its name does not speak against the role."""
     moving_columns = [column for column in columns.values() if column is not partner and not column.constant]
-    if len(moving_columns) != 1 or _role_by_name(moving_columns[0]) not in ("", role):
+    if len(moving_columns) != 1:
+        return None
+    speed = role == "output" and moving_columns[0].header.has(SPEED) and not moving_columns[0].header.has(NEVER)
+    if not speed and _role_by_name(moving_columns[0]) not in ("", role):
         return None
     why.append(f"column {moving_columns[0].name!r} is the {role}: it is the only other one")
     return moving_columns[0]

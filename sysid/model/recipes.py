@@ -70,7 +70,8 @@ class Recipe(ABC):
     linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
     record and of one setting. least_starts: of a search that must find its optimum. with_parts: whether it is
     fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record
-    counts from zero, so that no means may be removed. Raises InputError for settings that give no model, before any
+    counts from zero, so that no means may be removed. moves: whether its output is the place of what a voltage moves,
+    so that the command integrates a speed. Raises InputError for settings that give no model, before any
     work.
     """
 
@@ -81,6 +82,7 @@ class Recipe(ABC):
     with_parts: ClassVar[bool] = False
     auto: ClassVar[str] = "auto"
     zero: ClassVar[str] = ""
+    moves: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         self.model()

@@ -110,6 +110,7 @@ class ActuatedJoint(Recipe):
     with_parts: ClassVar[bool] = True
     auto: ClassVar[str] = "lm"  # a joint's cost bends too much for the changes of method that "auto" makes
     zero: ClassVar[str] = "volts and angles"
+    moves: ClassVar[bool] = True
     input_map: str | None = static_map("driver", "an actuated joint's driver")
     output_map: str | None = static_map("sensor", "an actuated joint's sensor")
     driver_step: float | None = number(

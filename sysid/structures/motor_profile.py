@@ -38,6 +38,7 @@ class MotorProfile(Recipe):
     name: ClassVar[str] = "motor_profile"
     searched: ClassVar[bool] = True
     zero: ClassVar[str] = "volts and positions"
+    moves: ClassVar[bool] = True
     knots: int = order(9, "places of the friction profile", least=1)
     low: float | None = number(None, "lower end of a motor's friction profile [that of the record]", unit="Y")
     high: float | None = number(None, "upper end of a motor's friction profile [that of the record]", unit="Y")

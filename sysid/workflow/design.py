@@ -19,7 +19,7 @@ from sysid.joint.posterior import fit_joint
 from sysid.joint.values import displayed_value
 from sysid.joint.verdict import verdict
 from sysid.structures import ActuatedJoint
-from sysid.workflow.record import Record, read_record
+from sysid.workflow.record import Record, read_record, with_places
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def propose(
     for name, value in (("volts", volts), ("strike", strike), ("sample", sample)):
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"--{name} is {value:g}; give a positive number, or leave it out")
-    record = read_record(path, **columns)
+    record = with_places(read_record(path, **columns))
     if sample is not None and sample > record.data.Ts:
         raise InputError(
             f"--sample is {sample:g} s and the log has a sample every {record.data.Ts:g} s; give at most this"

@@ -21,7 +21,7 @@ from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit
 from sysid.workflow.next_step import advice_after_fit, next_step
 from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
-from sysid.workflow.record import Record, read_record, without_wraps
+from sysid.workflow.record import Record, read_record, with_places, without_wraps
 from sysid.workflow.results import Evaluation, Identification, named_channels
 from sysid.workflow.setting import Setting, in_unit_of
 
@@ -94,6 +94,8 @@ def identify_file(
         if isinstance(setting, Setting):
             recipe, records[0] = in_unit_of(records[0], setting.recipe)
             setting = replace(setting, recipe=recipe)
+        if isinstance(setting, Setting) and setting.recipe.moves:
+            records, validation_records = ([with_places(r) for r in rs] for rs in (records, validation_records))
         absolute = isinstance(setting, Auto) or bool(setting.recipe.zero)
         record = _merge_prepared(records, absolute, preparation)
         validation_record = _merge_prepared(validation_records, absolute, preparation) if validation_records else None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
@@ -250,6 +251,25 @@ def without_wraps(record: Record) -> Record:
     if data.u_unit == data.y_unit and data.u_unit in ("rad", *DEGREES):
         out = replace(out, u=_follow_goal(data, wraps.turn))
     return replace(record, data=out, remarks=(*record.remarks, note))
+
+
+def with_places(record: Record) -> Record:
+    """The record with the place, 0 at its first sample, instead of a speed: a joint between stops is one of places.
+
+    The place is the sum of the speed by trapezoids; missing speeds are on straight lines. One note says so.
+    """
+    data = record.data
+    unit = (data.y_unit or "").removesuffix("/s")
+    if not unit or unit == data.y_unit:
+        return record
+    parts = [
+        replace(part, y=cumulative_trapezoid(part.y, dx=part.Ts, axis=0, initial=0.0), y_unit=unit, missing=None)
+        for part in data.experiments
+    ]
+    note = f"column {record.output!r} is a speed: the joint is fitted to the place that it leads to, 0 at the start"
+    outputs = tuple(replace(signal, unit=unit) for signal in record.signals.output)
+    signals = replace(record.signals, output=outputs)
+    return replace(record, data=IOData.merge(*parts), signals=signals, remarks=(*record.remarks, note))
 
 
 def _follow_goal(data: IOData, turn: float) -> np.ndarray:

@@ -20,7 +20,7 @@ from sysid.fitting import load, save
 from sysid.formats import TABLE
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
-from sysid.workflow.record import Record, read_record, without_wraps
+from sysid.workflow.record import Record, read_record, with_places, without_wraps
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation
 
@@ -183,6 +183,8 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
     if reading.detrend not in DETREND:
         raise InputError(f"--detrend is {reading.detrend!r}; give {' or '.join(DETREND)}")
     recipe = STRUCTURES.get(fit.model.structure)
+    if recipe is not None and recipe.moves:
+        record = with_places(record)
     if recipe is not None and recipe.zero:  # its angles count on over turns
         record = without_wraps(record)
     data, notes = record.data, list(record.notes)

@@ -1,6 +1,7 @@
 """What every saved or reported file stands on: JSON values, files whole or not at all, lines that survive a kill."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,3 +68,9 @@ def test_foreign_text_without_a_line_s_end_is_no_journal_and_is_left_alone(tmp_p
     with pytest.raises(InputError, match="not a journal"):
         Journal(path, data, ())
     assert path.read_text() == "not a journal"
+
+
+def test_a_file_that_goes_while_it_is_read_has_no_lines(tmp_path, monkeypatch):
+    """A run that ends puts its journal into the table and removes it, while a leaderboard reads both."""
+    monkeypatch.setattr(Path, "exists", lambda self: True)
+    assert Lines(tmp_path / "gone.journal").read() == []

@@ -1,4 +1,6 @@
-"""Joints whose sensor counts the other way: the same record with the sign of its output changed is the same joint."""
+"""Joints whose sensor counts the other way, or tells a speed: they have the values of the same joint."""
+
+import json
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from sysid.data.record import IOData
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
 from sysid.structures.actuated_joint import joint_motor
+from twin.cli import main
 
 TS, NOISE = 0.05, 0.1
 
@@ -42,7 +45,9 @@ def points_lost(fit, data):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("stops", ["none", "both"])
 def test_a_pendulum_over_several_turns_fits_another_input_with_either_sign(sign, stops):
-    pendulum = Reference(lambda x: 2.0 * np.sin(np.deg2rad(x)), gain=1.9, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=0.0)
+    pendulum = Reference(
+        lambda x: 2.0 * np.sin(np.deg2rad(x)), gain=1.9, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=0.0
+    )
     joint = actuated_joint(motor=joint_motor("periodic", stops, 360.0), knots=None, play=False)
     found = sysid.fit_joint(record(pendulum, levels(1200, 8.0, 1), sign, 1), joint)
     assert points_lost(found.fit, record(pendulum, sweep(800, 7.0), sign, 2)) < 1.0
@@ -64,3 +69,22 @@ def test_a_joint_between_stops_has_the_mirror_image_of_its_values():
         assert up[name].value == pytest.approx(factor * down[mirrored].value, rel=0.03, abs=0.3)
     for value, truth in (("end_low", -45.0), ("end_high", 10.0), ("coulomb_up", -1.6), ("coulomb_down", 1.0)):
         assert down[value].value == pytest.approx(truth, rel=0.05, abs=0.2)
+
+
+def test_a_log_of_a_speed_gives_the_values_of_the_joint_and_its_model_runs_on_another_one(tmp_path):
+    """A tachometer with noise of 0.5 deg/s; speed by differences of the reference's places 1 ms apart would be alike."""
+    leg = Reference(gain=0.5, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=0.0)
+    for name, u in (("first", levels(1200, 8.0, 5)), ("second", sweep(800, 7.0))):
+        speed = np.gradient(leg.run(u), TS) + 0.5 * np.random.default_rng(len(u)).standard_normal(len(u))
+        table = np.column_stack([np.arange(len(u)) * TS, u, speed])
+        header = "time [s],voltage [V],speed [deg/s]"
+        np.savetxt(tmp_path / f"{name}.csv", table, delimiter=",", header=header, comments="", fmt="%.6g")
+    out = str(tmp_path / "out")
+    assert main(["identify", str(tmp_path / "first.csv"), "--structure", "actuated_joint", "--out", out]) == 0
+    values = {v["name"]: v for v in json.loads((tmp_path / "out/summary.json").read_text())["values"]}
+    for name, true in (("speed_per_volt", 10.0), ("coulomb_up", 1.0), ("coulomb_down", -1.2)):
+        assert values[name]["value"] == pytest.approx(true, rel=0.03) and values[name]["determined"]
+    run = ["run", f"{out}/model.json", str(tmp_path / "second.csv"), "--out", str(tmp_path / "run")]
+    assert main(run) == 0
+    summary = json.loads((tmp_path / "run/summary.json").read_text())
+    assert summary["fit_percent"]["free_run"] > 90.0
