@@ -27,7 +27,7 @@ from sysid.channels.column import (
     unit_in_brackets,
 )
 from sysid.channels.conversion import COUNTS, convert, seconds
-from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, list_names
+from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, list_names
 from sysid.channels.roles import (
     STRONG,
     ClockChoice,
@@ -37,6 +37,7 @@ from sysid.channels.roles import (
     choose_signals,
     clock_of_column,
     doubts_of_roles,
+    switch_of,
 )
 from sysid.data.table import Table
 from sysid.formats import read_table
@@ -116,7 +117,12 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 channels[role].append(_guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
+    switch = switch_of(signals)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
+    if switch is not None:
+        why.append(f"column {switch.name!r} is 0 while the drive is off: what lies between is left out")
+        other = (Channel(column=switch.name, unit="1", name=switch.name),)
+        mapping = mapping.model_copy(update={"other": other, "range": Range(drive=switch.name)})
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

@@ -276,6 +276,10 @@ class Range(_Part):
         default="", description="column that is not 0 while the record lasts: the first such rows are kept"
     )
 
+    drive: Text = Field(
+        default="", description="column that is 0 while the drive is off: each stretch that it is on is an experiment"
+    )
+
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
         if self.start is not None and self.stop is not None and not self.start < self.stop:

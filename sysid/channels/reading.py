@@ -58,7 +58,9 @@ def from_table(
     """
     result = guess(table, given)
     repair = Repair(empty=empty) if given.time is None else Repair(longest_gap=0, empty=empty)
-    mapping = result.sure(table).model_copy(update={"range": range, "repair": repair})
+    mapping = result.sure(table)
+    range = range.model_copy(update={"drive": range.drive or mapping.range.drive})
+    mapping = mapping.model_copy(update={"range": range, "repair": repair})
     record = sample(table, mapping, result.why)
     if given.Ts is not None and given.time is not None and abs(given.Ts - record.Ts) > repair.jitter * record.Ts:
         raise InputError(
@@ -89,7 +91,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
     notes = (*notes, *unit_notes, *([dates] if dates else []))
-    if mapping.range != Range():
+    if mapping.range != Range(drive=mapping.range.drive):
         table, note = _keep_range(table, mapping)
         notes = (*notes, note)
     columns, units = _read_channels(table, mapping)

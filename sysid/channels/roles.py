@@ -42,6 +42,7 @@ WEAK_OUTPUT = words(
     "outputs yout uout response measured measurement meas sensor reading speed velocity vel omega rate acceleration "
     "acc accel gyro temp temperature displacement ausgang messwert istwert lage drehzahl angles positions"
 )
+SWITCH = words("enable enabled armed")  # a column that is 0 while the drive is off
 CLOCK_OF_LOG = "time_s"  # clock, input and output of the logs that this program writes
 SIGNALS_OF_LOG = ("voltage_V", "angle_rad")
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
@@ -295,6 +296,13 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
         return None
     why.append(f"column {moving_columns[0].name!r} is the {role}: it is the only other one")
     return moving_columns[0]
+
+
+def switch_of(columns: Columns) -> Column | None:
+    """The one column that says when the drive is on: 0 and another value, in stretches."""
+    switches = [c for c in columns.values() if c.header.has(SWITCH) and len(np.unique(c.finite)) == 2]
+    switches = [c for c in switches if not c.finite.all()]
+    return switches[0] if len(switches) == 1 else None
 
 
 def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Columns) -> list[str]:

@@ -11,9 +11,11 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.limits import SAMPLES
 from sysid.channels.mapping import ROLES, ChannelMap
+from sysid.data.missing import runs
 from sysid.data.record import IOData
 from sysid.data.resampling import resample
 
+_SHORTEST_RUN = 20  # samples: a shorter experiment tells its initial state and little else
 FINER = 1000  # times as many samples as stamps, at most: what is made between them tells nothing
 
 
@@ -88,13 +90,16 @@ class Signals:
         raise InputError(f"{self.path}: no signal is called {name!r}; choose one of {[s.name for s in self.all]}")
 
     def io(self) -> IOData:
-        """Inputs and outputs, ready to identify; outputs that were filled are marked as missing."""
+        """Inputs and outputs, ready to identify; outputs that were filled are marked as missing.
+
+        Each stretch of `drive` is an experiment. Raises InputError where the mapping lacks a role.
+        """
         u, y = self.input, self.output
         if not (u and y):
             role = "output" if u else "input"
             raise InputError(f"{self.path}: the mapping has no {role}; add a table [[{role}]] with the column")
         missing = np.column_stack([signal.missing for signal in y])
-        return IOData(
+        data = IOData(
             np.column_stack([signal.values for signal in u]),
             np.column_stack([signal.values for signal in y]),
             self.Ts,
@@ -102,6 +107,20 @@ class Signals:
             *(common_text([s.unit for s in u]), common_text([s.unit for s in y])),
             missing=missing if missing.any() else None,
         )
+        if not self.mapping.range.drive:
+            return data
+        if not self.driven:
+            name = self.mapping.range.drive
+            raise InputError(f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples; give a longer log")
+        return IOData.merge(*(data.select(*stretch) for stretch in self.driven))
+
+    @property
+    def driven(self) -> list[tuple[int, int]]:
+        """Stretches (start, stop) of samples in which the drive is on, without those too short to tell anything."""
+        switch = next(s for s in self.other if s.column == self.mapping.range.drive)
+        size = np.abs(switch.values)  # between samples, and behind a filter, neither 0 nor 1
+        stretches = runs((size > 0.5 * size.max()) & ~switch.missing)
+        return [(start, stop) for start, stop in stretches if stop - start >= _SHORTEST_RUN]
 
     def as_dict(self) -> dict[str, Any]:
         """File, mapping, units, notes and counts for a summary."""

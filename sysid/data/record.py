@@ -176,6 +176,24 @@ class IOData(Shown):
         return replace(self, u=self.u[start:stop], y=self.y[start:stop], missing=missing, lengths=())
 
     @checked
+    def head(self, samples: int) -> "IOData":
+        """The first experiments, up to so many samples (at least 2) in all."""
+        remaining, parts = samples, []
+        for e in self.experiments:
+            if remaining >= 2:
+                parts.append(e.select(0, min(e.N, remaining)))
+                remaining -= e.N
+        return IOData.merge(*parts)
+
+    @checked
+    def portion(self, samples: int) -> "IOData":
+        """About so many samples (at least 2): of several experiments every second, third, ..., of one its head."""
+        if samples >= self.N:
+            return self
+        every = round(self.N / samples)
+        return IOData.merge(*self.experiments[::every]) if len(self.lengths) > every else self.head(samples)
+
+    @checked
     def split(self, fraction: float = 0.5) -> "tuple[IOData, IOData]":
         """The first `fraction` of the record for estimation and the rest for validation."""
         if not 0 < fraction < 1:

@@ -135,7 +135,7 @@ class Whitened:
     def shifted(self, i: int, ahead: int) -> tuple[np.ndarray, np.ndarray]:
         """Input i `ahead` samples after each row's own (M,), and which rows have that sample."""
         values, has = [], []
-        for e, rows in zip(_pieces(self.data), self.rows, strict=True):
+        for e, rows in zip(self.data.head(LONGEST).experiments, self.rows, strict=True):
             k = rows + ahead
             ok = k < e.N
             values.append(np.where(ok, e.u[np.minimum(k, e.N - 1), i], 0.0))
@@ -179,22 +179,12 @@ def whiten(data: IOData, output: int = 0) -> Whitened | None:
     return Whitened(data, output, best, regress(X, y), X, y, times, rows, ranges, starts)
 
 
-def _pieces(data: IOData) -> list[IOData]:
-    """The experiments up to `LONGEST` samples in all."""
-    remaining, parts = LONGEST, []
-    for e in data.experiments:
-        if remaining >= 2:
-            parts.append(e.select(0, min(e.N, remaining)))
-            remaining -= e.N
-    return parts
-
-
 def _design(
     data: IOData, output: int, p: int, first: int, starts: tuple[int, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, tuple[np.ndarray, ...]]:
     """Columns, output, sample numbers and rows of each experiment, from its sample `first` on, without gaps."""
     blocks, ys, times, rows, start = [], [], [], [], 0
-    for e in _pieces(data):
+    for e in data.head(LONGEST).experiments:
         t = np.arange(first + max(starts), e.N)
         observed = e.observed[:, output]
         for k in range(p + 1):
@@ -216,7 +206,7 @@ def free_run(white: Whitened) -> np.ndarray:
     """
     p, c = white.order, white.regression.c
     a, runs = np.concatenate([[1.0], -c[1 : p + 1]]), []
-    for e, rows in zip(_pieces(white.data), white.rows, strict=True):
+    for e, rows in zip(white.data.head(LONGEST).experiments, white.rows, strict=True):
         observed, y = e.observed[:, white.output], e.y[:, white.output]
         begin = p + max(white.starts)
         first = np.where(observed, y, y[observed].mean() if observed.any() else 0.0)[:begin]

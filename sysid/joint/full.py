@@ -26,6 +26,7 @@ from sysid.solver.iterate import Options
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
+_GLANCED = 1250  # samples that tell starting points apart, at the least: the sweep that a joint is usually fitted to
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -116,17 +117,26 @@ def rough_posterior(
 
 
 def best_points(chain: Chain, points: np.ndarray, data: IOData, finalists: int, objective: Objective) -> np.ndarray:
-    """The best of these points (K, P), the best first: after each few iterations the better half goes on."""
-    context = SearchContext(chain, data, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
-    problems = set_curvature_weight(context, [context.problem(with_initial_states(chain, p, data)) for p in points])
-    running = [(problem, problem.start, np.inf) for problem in problems]
+    """The best of these points (K, P), the best first: after each few iterations the better half goes on.
+
+    While many are left, a part of a long record tells them apart: half of it for twice as many points.
+    """
+    share = 1.0
+    while len(points) * share > 2 * finalists:
+        share /= 2.0
     while True:
-        outcomes = [(problem, context.iterate(problem, p, context.options)) for problem, p, _ in running]
-        running = sorted(((problem, o.p, o.cost) for problem, o in outcomes), key=lambda row: row[2])
-        if len(running) <= 2 * finalists:
-            break
-        running = running[: len(running) // 2]
-    return np.array([problem.thetas(p)[0] for problem, p, cost in running[:finalists] if np.isfinite(cost)])
+        part = data.portion(max(_GLANCED, round(share * data.N)))
+        context = SearchContext(chain, part, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
+        starts = [context.problem(with_initial_states(chain, p, part)) for p in points]
+        problems = set_curvature_weight(context, starts)
+        ends = [context.iterate(problem, problem.start, context.options) for problem in problems]
+        order = [k for k in np.argsort([end.cost for end in ends], kind="stable") if np.isfinite(ends[k].cost)]
+        last = len(points) <= 2 * finalists
+        order = order[: finalists if last else len(points) // 2]
+        points = np.array([problems[k].thetas(ends[k].p)[0] for k in order])
+        if last or not len(points):
+            return points
+        share *= 2.0
 
 
 def colour_level(fit: Fit, data: IOData) -> float:

@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEADERS = 4  # starting points that are searched to the end
-_SHAKES = 12  # places near the optimum that are tried
+_SHAKES = 12  # places near the optimum that are tried in each round
+_ROUNDS = 4  # over the whole record, at most
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 _SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
 _UNSEEN_LOSS = 3.0  # points of fit on unseen parts that a warning speaks of
@@ -204,26 +205,35 @@ class _Search:
             return None
 
     def _best(self) -> tuple[Fit, int, int]:
+        """Over stretches first, then over the whole record: round by round until the last one brought nothing."""
         plain, rough = self.plain, self.rough
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
         level = _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse))
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
-        heights = np.zeros(1)  # of the first searches' ends, below the highest, in logarithms of the posterior
-        for cut in (cut_at_rests(rough, plain.model), rough):
-            objective = joint_objective(full, units, level)
-            leaders = best_points(full, points, cut, _LEADERS, objective)
-            fit = fit_chain(full, cut, start=leaders, objective=objective, **self.options)
-            if len(heights) == 1:
-                heights = 0.5 * rough.N * (np.array(fit.losses) - min(fit.losses)) / level**2
+        stretches, before = cut_at_rests(rough, plain.model), np.inf
+        for k in range(1 + _ROUNDS):
+            cut, objective = rough if k else stretches, joint_objective(full, units, level)
+            fit = fit_chain(
+                full,
+                cut,
+                start=best_points(full, points, cut, _LEADERS, objective),
+                objective=objective,
+                **self.options,
+            )
             level = colour_level(fit, cut)
+            scale = 0.5 * cut.N / level**2
+            if k and scale * (before - fit.criteria.mse) < _SAME:
+                break
+            before = fit.criteria.mse if k else np.inf
             shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough)]
             points = np.array([fit.theta, *shaken, *others])
+        agreed, tried = int(np.sum(scale * (np.array(fit.losses) - min(fit.losses)) <= _SAME)), len(fit.losses)
         if self.k > 1:
             fit = self._over_whole_record(fit, self.k, level)
             level = colour_level(fit, self.data)
-        return self._over_whole_record(fit, 1, level), int(np.sum(heights <= _SAME)), len(heights)
+        return self._over_whole_record(fit, 1, level), agreed, tried
 
     def _over_whole_record(self, fit: Fit, k: int, level: float) -> Fit:
         """The fit over the whole record, from one with k samples as one."""

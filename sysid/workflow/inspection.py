@@ -244,7 +244,7 @@ def _advice(signals: Signals | None) -> tuple[Advice, ...]:
         return ()
     try:
         data = signals.io()
-        findings = advise(data.select(0, min(data.N, LONGEST)))
+        findings = advise(data.head(LONGEST))
         # Nobody is sent where he is.
         return tuple(replace(a, call="", command=()) if a.command == ("info",) else a for a in findings)
     except InputError as error:

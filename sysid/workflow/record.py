@@ -107,7 +107,11 @@ def read_record(
         channel_map = read_map_of(mapping)
         if range != Range():
             channel_map = channel_map.model_copy(
-                update={"range": range.model_copy(update={"active": channel_map.range.active})}
+                update={
+                    "range": range.model_copy(
+                        update={"active": channel_map.range.active, "drive": channel_map.range.drive}
+                    )
+                }
             )
         signals = sample(table, channel_map)
     else:
