@@ -102,6 +102,10 @@ class Course:
         """The predicted y (N,)."""
         return self._simulate(self.theta, self.inputs())
 
+    def positions(self) -> np.ndarray:
+        """The predicted position of the motor (N,)."""
+        return self._positions(self.theta, self.inputs())
+
     def add_level(self, level: float, samples: int) -> None:
         """Holds an input [unit of u] for so many samples."""
         if samples > 0:
@@ -164,7 +168,7 @@ class Course:
         pulse_shape = np.concatenate([np.ones(self.pulse_samples), np.zeros(self.observation_samples)])
         pulses = np.concatenate([np.where(pulse_shape, v, self.resting_input) for v in levels])
         positions = self._positions(self._theta_at_rest(self._current_share()), pulses)
-        out = np.flatnonzero(way * (positions - self._target_position(way, SHORT_OF)) > 0.0)
+        out = np.flatnonzero(way * (positions - self.target_position(way, SHORT_OF)) > 0.0)
         return levels[: out[0] // len(pulse_shape)] if len(out) else levels
 
     @cached_property
@@ -285,7 +289,7 @@ class Course:
     def _samples_to(self, way: int, level: float, place: float, share: float | None = None) -> int:
         """Samples to `place`, a share of the way in the direction of motion; from the far end, or from `share`."""
         start = self._theta_at_rest((0.0 if way > 0 else 1.0) if share is None else share)
-        n, target = self._crossing_samples(level), self._target_position(way, place)
+        n, target = self._crossing_samples(level), self.target_position(way, place)
         while n <= LONGEST:
             arrivals = np.flatnonzero(way * (self._positions(start, np.full(n, level)) - target) >= 0.0)
             if len(arrivals):
@@ -296,7 +300,7 @@ class Course:
             "one way from end to end first"
         )
 
-    def _target_position(self, way: int, place: float) -> float:
+    def target_position(self, way: int, place: float) -> float:
         """The motor's position at `place`, a share of the way in the direction of motion."""
         low, high = self.ends
         return (low if way > 0 else high) + way * place * (high - low)

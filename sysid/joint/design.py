@@ -6,6 +6,7 @@ where none is known it stays near the middle of what was seen; levels and times 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,14 +21,22 @@ from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import is_joint, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.course import LONG, TOPS, Course
+from sysid.joint.evidence import reading_noise
 from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, weak_inputs
 from sysid.joint.sampling import LONGEST_DELAY, rate_needed
+from sysid.joint.use import Use, add_parts_for_use
 from sysid.joint.values import JointValue, joint_values
 
 TARGETS = {
     "ends": ("end_low", "end_high", "speed_per_volt"),
     "breakaway": ("breakaway_up", "breakaway_down"),
     "backlash": ("backlash",),
+}
+PURPOSES = {
+    "ends": "from end to end at different levels",
+    "breakaway": "pulses from rest, each a little larger, until the joint starts",
+    "backlash": "slow reversals: the drive crosses the backlash before the link follows",
+    "use": "a piece of the input of use itself",
 }
 # Every round has all parts, so that either half of the record shows what the other does; slow parts are at these shares
 # of the way between the ends.
@@ -60,7 +69,7 @@ class Design:
 
     `fastest` [y/s] is the largest predicted speed, and so the hardest that the joint may meet an end. `now` are the
     joint's values from the first record, `then` those from a simulated record of this experiment: they hold if the
-    real joint is like the fit.
+    real joint is like the fit. `use`: what it brings for an input of the user's, if it was designed for one.
     """
 
     targets: tuple[str, ...]
@@ -73,6 +82,7 @@ class Design:
     then: tuple[JointValue, ...]
     units: tuple[str, str] = ("", "")
     notes: tuple[str, ...] = ()
+    use: Use | None = None
 
     @property
     def duration(self) -> float:
@@ -91,6 +101,7 @@ class Design:
             "now": [vars(v) for v in self.now],
             "then": [vars(v) for v in self.then],
             "notes": list(self.notes),
+            "use": None if self.use is None else {"deviation": self.use.deviations, "steps": self.use.steps},
         }
 
 
@@ -105,6 +116,7 @@ def design(
     Ts: float | None = None,
     complete: bool = False,
     to_stops: bool = False,
+    use: np.ndarray | None = None,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
@@ -112,7 +124,10 @@ def design(
     anywhere, so that it meets no end harder. Ts [s]: sampling time of the next record; if not given, that of `data`, or
     a half, a quarter or a fifth of it, so that lag and delay together last three samples. `complete` leaves out of the
     expected intervals what every model of a joint lacks. `to_stops`: the joint has a stop each way and may run into it;
-    otherwise the input keeps it within the range of `data` where `data` shows no stop. Raises InputError for a fit
+    otherwise the input keeps it within the range of `data` where `data` shows no stop. `use` (N,), an input every
+    `data.Ts`: the experiment is made of the parts for `targets`, and pieces of this input, that shrink the band of the
+    free run over it most for their time (`sysid.joint.use`), in samples of `data.Ts`, for a fit to both records. Raises
+    InputError for a fit
     without a motor, an unknown target, a sampling time that does not suit, a joint that does not move under these
     limits, and the errors of `sysid.joint_values`.
     """
@@ -130,12 +145,16 @@ def design(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
+    Ts = data.Ts if use is not None and Ts is None else Ts  # both records are identified together
     work = _Plan(Course.of(fit, data, top, strike, _sampling(fit, Ts), to_stops), np.random.default_rng([seed, 14]))
-    for k in range(len(PLACES)):
-        for name in TARGETS:
-            if name in targets:
-                _PARTS[name](work, k)
-    course = work.course
+    course, for_use = work.course, None
+    parts = [(name, partial(_PARTS[name], work, k)) for k in range(len(PLACES)) for name in TARGETS if name in targets]
+    if use is None:
+        for _, run in parts:
+            run()
+    else:
+        for_use, added = add_parts_for_use(fit, data, use, course, parts, reading_noise(data))
+        work.phases[:] = [Phase(name, first, last, PURPOSES[name]) for name, first, last in added]
     u, y = course.inputs(), course.outputs()
     value_names = [name for target in targets for name in TARGETS[target]]
     current_values, (expected_values, notes) = (
@@ -157,8 +176,9 @@ def design(
             *distant_prediction(course, y, data),
             *weak_inputs(course, data.u_unit),
             *notes,
-            *shortfalls(value_names, current_values, expected_values, course.Ts),
+            *(shortfalls(value_names, current_values, expected_values, course.Ts) if use is None else ()),
         ),
+        for_use,
     )
 
 
@@ -170,10 +190,10 @@ class _Plan:
     rng: np.random.Generator
     phases: list[Phase] = field(default_factory=list)
 
-    def phase(self, name: str, purpose: str, run: Callable[[], None]) -> None:
+    def phase(self, name: str, run: Callable[[], None]) -> None:
         start = self.course.N
         run()
-        self.phases.append(Phase(name, start, self.course.N, purpose))
+        self.phases.append(Phase(name, start, self.course.N, PURPOSES[name]))
 
 
 def _add_strokes(work: _Plan, k: int) -> None:
@@ -186,7 +206,7 @@ def _add_strokes(work: _Plan, k: int) -> None:
                 course.add_stroke(way, share * rng.uniform(0.9, 1.0), rng.uniform(shortest, longest))
         course.add_rest()
 
-    work.phase("ends", "from end to end at different levels", run)
+    work.phase("ends", run)
 
 
 def _add_pulses(work: _Plan, k: int) -> None:
@@ -203,7 +223,7 @@ def _add_pulses(work: _Plan, k: int) -> None:
                     course.add_level(course.resting_input, course.observation_samples)
         course.add_rest()
 
-    work.phase("breakaway", "pulses from rest, each a little larger, until the joint starts", run)
+    work.phase("breakaway", run)
 
 
 def _add_reversals(work: _Plan, k: int) -> None:
@@ -217,7 +237,7 @@ def _add_reversals(work: _Plan, k: int) -> None:
             course.add_reversal(way, share)
         course.add_rest()
 
-    work.phase("backlash", "slow reversals: the drive crosses the backlash before the link follows", run)
+    work.phase("backlash", run)
 
 
 _PARTS = {"ends": _add_strokes, "breakaway": _add_pulses, "backlash": _add_reversals}

@@ -19,6 +19,7 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.joint.prior import joint_objective, units_of, usual_values
+from sysid.joint.sampling import ENOUGH_SAMPLES
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
@@ -26,7 +27,6 @@ from sysid.solver.iterate import Options
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
-_GLANCED = 1250  # samples that tell starting points apart, at the least: the sweep that a joint is usually fitted to
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -125,7 +125,7 @@ def best_points(chain: Chain, points: np.ndarray, data: IOData, finalists: int, 
     while len(points) * share > 2 * finalists:
         share /= 2.0
     while True:
-        part = data.portion(max(_GLANCED, round(share * data.N)))
+        part = data.portion(max(ENOUGH_SAMPLES, round(share * data.N)))
         context = SearchContext(chain, part, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
         starts = [context.problem(with_initial_states(chain, p, part)) for p in points]
         problems = set_curvature_weight(context, starts)

@@ -17,7 +17,7 @@ from sysid.base.handlers import Shown, handler
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.joint_parts import lift_theta, shake_theta
+from sysid.estimation.joint_parts import lift_theta
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
@@ -31,7 +31,7 @@ from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
-from sysid.joint.starting_points import plays_of, starting_points
+from sysid.joint.starting_points import places_around, plays_of, starting_points
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.structures import actuated_joint
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEADERS = 4  # starting points that are searched to the end
-_SHAKES = 12  # places near the optimum that are tried in each round
 _ROUNDS = 4  # over the whole record, at most
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 _SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
@@ -205,41 +204,40 @@ class _Search:
             return None
 
     def _best(self) -> tuple[Fit, int, int]:
-        """Over stretches first, then over the whole record: round by round until the last one brought nothing."""
-        plain, rough = self.plain, self.rough
+        """Over stretches first, then over the whole record, round by round until one brings nothing."""
+        plain, rough, k = self.plain, self.rough, self.k
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
-        level = _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse))
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
         stretches, before = cut_at_rests(rough, plain.model), np.inf
-        for k in range(1 + _ROUNDS):
-            cut, objective = rough if k else stretches, joint_objective(full, units, level)
-            fit = fit_chain(
-                full,
-                cut,
-                start=best_points(full, points, cut, _LEADERS, objective),
-                objective=objective,
-                **self.options,
-            )
-            level = colour_level(fit, cut)
-            scale = 0.5 * cut.N / level**2
-            if k and scale * (before - fit.criteria.mse) < _SAME:
-                break
-            before = fit.criteria.mse if k else np.inf
-            shaken = [np.clip(shake_theta(full, fit.theta, rng), *full.limits) for _ in range(_SHAKES)]
+        fit = self._round(full, points, stretches, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
+        level = colour_level(fit, stretches)
+        for turn in range(_ROUNDS):
+            shaken = places_around(fit, rough if turn else stretches, level, rng)
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough)]
-            points = np.array([fit.theta, *shaken, *others])
-        agreed, tried = int(np.sum(scale * (np.array(fit.losses) - min(fit.losses)) <= _SAME)), len(fit.losses)
-        if self.k > 1:
-            fit = self._over_whole_record(fit, self.k, level)
+            fit = self._round(full, np.array([fit.theta, *shaken, *others]), rough, units, level)
+            level = colour_level(fit, rough)
+            scale = 0.5 * rough.N / level**2
+            if scale * (before - fit.criteria.mse) < _SAME:
+                break
+            before = fit.criteria.mse
+        heights = scale * (np.array(fit.losses) - min(fit.losses))
+        if k > 1:
+            fit = self._over_whole_record(fit, k, level)
             level = colour_level(fit, self.data)
-        return self._over_whole_record(fit, 1, level), agreed, tried
+        return self._over_whole_record(fit, 1, level), int(np.sum(heights <= _SAME)), len(heights)
 
     def _over_whole_record(self, fit: Fit, k: int, level: float) -> Fit:
         """The fit over the whole record, from one with k samples as one."""
         plain, times = self.plain, self.k
         units = units_of(chain_at_rate(plain.model, times), theta_at_rate(plain.model, plain.theta, times), self.data)
         return _at_rate(fit, self.data, k, self.options, joint_objective(chain_at_rate(fit.model, k), units, level))
+
+    def _round(self, chain: Chain, points: np.ndarray, data: IOData, units: dict[str, float], level: float) -> Fit:
+        """The fit from the best of these points."""
+        objective = joint_objective(chain, units, level)
+        leaders = best_points(chain, points, data, _LEADERS, objective)
+        return fit_chain(chain, data, start=leaders, objective=objective, **self.options)
 
 
 def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:

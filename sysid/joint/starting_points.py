@@ -7,12 +7,15 @@ import numpy as np
 
 from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import lift_theta, sub
+from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.staged_joint import play_starts
 from sysid.model.chain import Chain
+from sysid.uncertainty.information import information
 
 _POINTS = 24
+_SHAKES = 12  # places near an optimum
+_FAR = 3.0  # deviations of the posterior that a draw goes, per direction
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
 _WIDTHS, _BEARINGS, _HOLDS, _WEIGHT = (0.003, 0.009, 0.02), (0.3, 2.0, 10.0, 50.0), (0.03, 0.15, 0.6), 70.0
 _HANGS = (-0.5, 0.0, 0.25, 0.5, 0.75, 1.0, 1.5)
@@ -31,6 +34,19 @@ def starting_points(
         drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
         drawn = {name: abs(value) if low[name] >= 0.0 else value for name, value in drawn.items()}
         yield lift_theta(plain.model, plain.theta, full, drawn | plays[k % len(plays)])
+
+
+def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator) -> list[np.ndarray]:
+    """Places (P,) around a fit to `data`: half with each value shaken, half drawn along what it hardly tells apart.
+
+    Lag and delay, or a load and frictions that differ by direction, change together without a change of the output: a
+    step of one of them alone leads back to the same optimum. `level` [y]: as of `sysid.joint.prior.joint_prior`.
+    """
+    info = information(fit, data, lags=None)
+    root = info.factor[info.own] * level / np.sqrt(info.noise_variance)
+    places = [shake_theta(fit.model, fit.theta, rng) for _ in range(_SHAKES // 2)]
+    places += [fit.theta + _FAR * (root @ rng.standard_normal(root.shape[1])) for _ in range(_SHAKES // 2)]
+    return [np.clip(place, *fit.model.limits) for place in places]
 
 
 def plays_of(full: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:

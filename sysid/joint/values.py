@@ -219,7 +219,7 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         "coulomb_up": (volts, lambda theta: held(theta, 1, False), -np.inf),
         "coulomb_down": (volts, lambda theta: held(theta, -1, False), -np.inf),
     }
-    if travel is not None and travel.knots > 2:
+    if travel is not None and not chain.fixed.keys() >= {f"{travel.role}.low", f"{travel.role}.high"}:
         readings["end_low"] = (y, lambda theta: float(chain.part(theta, travel)[:2].min()), -np.inf)
         readings["end_high"] = (y, lambda theta: float(chain.part(theta, travel)[:2].max()), -np.inf)
     elif motor.stops:

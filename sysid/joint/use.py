@@ -1,0 +1,136 @@
+"""Design for use: the parts of an experiment that shrink the band of a joint's free run over an input of the user's.
+
+The mean variance of the free run over that input is what the next experiment is to lower, for each second that the rig
+takes (V-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, Oxford 2007, chapter 10). Parts are added
+one by one, each the one that lowers it most for its time; what a part tells is known from the fit to first order.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.estimation.result import Fit
+from sysid.joint.course import SHORT_OF, Course
+from sysid.joint.transfer import joint_information
+
+MOST_TIME = 600.0  # s of the rig
+_PIECE = 15.0  # s of the input of use that the rig plays as one part
+_PIECES = 6  # places in the input of use that are tried
+_WORTH = 0.02  # of the variance, for a minute: a part that brings less is not worth its time
+
+Part = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Use:
+    """The standard deviation of the free run over the input u (N,) of use, `now` and `then` (N,) [y], every Ts [s].
+
+    `steps`: time of the rig [s] and deviation on the mean [y] after each part of the experiment, from nothing on.
+    """
+
+    u: np.ndarray
+    Ts: float
+    now: np.ndarray
+    then: np.ndarray
+    steps: tuple[tuple[float, float], ...]
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """On the mean over the input, now and then [y]."""
+        return self.steps[0][1], self.steps[-1][1]
+
+
+class UseBand:
+    """The band over an input of use from the information of a record, and from that of more parts of an experiment."""
+
+    def __init__(self, fit: Fit, data: IOData, u: np.ndarray, course: Course) -> None:
+        chain, info = fit.model, joint_information(fit, data)
+        factor = info.factor[info.own]
+        still = np.array(fit.theta)
+        still[chain.names.index("motor.v0")] = 0.0
+        with np.errstate(all="ignore"):
+            J = chain.tangent(still, u)[1]
+        self.seen = np.where(chain.initial, 0.0, J) @ factor  # the run of use begins at a known place
+        self.factor, self.level = factor, float(np.sqrt(info.noise_variance))
+        self.course, self.gathered = course, np.eye(factor.shape[1])
+
+    def gathers(self, first: int) -> np.ndarray:
+        """Information (r, r) in units of the factor's columns with the course's samples from `first` on."""
+        chain = self.course.chain
+        with np.errstate(all="ignore"):
+            J = chain.tangent(self.course.theta, self.course.inputs())[1][first:]
+        tells = np.where(chain.initial, 0.0, J) @ self.factor / self.level
+        return self.gathered + tells.T @ tells
+
+    def deviation(self, gathered: np.ndarray) -> np.ndarray:
+        """Standard deviation (N,) [y] over the input of use."""
+        return np.sqrt(np.einsum("ij,ij->i", self.seen, np.linalg.solve(gathered, self.seen.T).T).clip(0.0))
+
+
+def add_parts_for_use(
+    fit: Fit, data: IOData, u: np.ndarray, course: Course, parts: Sequence[tuple[str, Part]], noise: float
+) -> tuple[Use, list[tuple[str, int, int]]]:
+    """The experiment for the input u (N,) of use, added to the course; with the name and samples of each of its parts.
+
+    `parts` add to the course; pieces of u itself are among those that are tried. It ends where the deviation over u is
+    below `noise` [y], where no part is worth its time, or after `MOST_TIME`. Raises InputError where no part fits.
+    """
+    band = UseBand(fit, data, u, course)
+    candidates = [*parts, *(("use", piece) for piece in _pieces(u, course))]
+    now = band.deviation(band.gathered)
+    steps, added = [(0.0, _mean(now))], list[tuple[str, int, int]]()
+    while steps[-1][1] > noise:
+        tried = [(name, run, *_gain(band, run, steps[-1][1])) for name, run in candidates]
+        name, run, worth, seconds = max(tried, key=lambda row: row[2])
+        if worth <= _WORTH / 60.0 or steps[-1][0] + seconds > MOST_TIME:
+            break
+        first = course.N
+        run()
+        band.gathered = band.gathers(first)
+        added.append((name, first, course.N))
+        steps.append((course.N * course.Ts, _mean(band.deviation(band.gathered))))
+    if not added:
+        raise InputError(
+            f"no part of an experiment lowers the deviation of {steps[0][1]:.3g} over this input by {_WORTH:.0%} a "
+            "minute; the first record tells what the input needs: identify it"
+        )
+    return Use(u, fit.Ts, now, band.deviation(band.gathered), tuple(steps)), added
+
+
+def _gain(band: UseBand, run: Part, deviation: float) -> tuple[float, float]:
+    """By how much of itself a part lowers the mean variance in a second, and its seconds; 0 where it cannot be."""
+    course, before, first = band.course, len(band.course.pieces), band.course.N
+    try:
+        run()
+        seconds = (course.N - first) * course.Ts
+        if seconds == 0.0 or _leaves(course, first):
+            return 0.0, seconds
+        variance = _mean(band.deviation(band.gathers(first))) ** 2
+        return (1.0 - variance / deviation**2) / seconds, seconds
+    except InputError:
+        return 0.0, 0.0
+    finally:
+        del course.pieces[before:]
+
+
+def _leaves(course: Course, first: int) -> bool:
+    """Whether the course from this sample on goes beyond what was seen, where it may meet no end."""
+    positions = course.positions()[first:]
+    ways = [way for way in (-1, 1) if not course.may_meet[way]]
+    return any(bool(np.any(way * (positions - course.target_position(way, SHORT_OF)) > 0.0)) for way in ways)
+
+
+def _pieces(u: np.ndarray, course: Course) -> Iterator[Part]:
+    """Pieces of the input of use within the largest inputs of the course."""
+    played = np.clip(u, -course.tops[-1], course.tops[1])
+    length = min(round(_PIECE / course.Ts), len(played))
+    for first in np.unique(np.linspace(0, len(played) - length, _PIECES).astype(int)):
+        yield partial(course.pieces.append, played[first : first + length])
+
+
+def _mean(deviation: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(deviation**2)))
