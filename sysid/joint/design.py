@@ -159,7 +159,7 @@ def design(
     value_names = [name for target in targets for name in TARGETS[target]]
     current_values, (expected_values, notes) = (
         joint_values(fit, data=data),
-        _expected_values(fit, data, course, targets, complete),
+        _expected_values(fit, data, course, targets, complete, use is not None),
     )
     return Design(
         targets,
@@ -257,9 +257,9 @@ def _sampling(fit: Fit, Ts: float | None) -> float:
 
 
 def _expected_values(
-    fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool
+    fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool, both: bool
 ) -> tuple[tuple[JointValue, ...], list[str]]:
-    """The values from a simulated record of the experiment."""
+    """The values from a simulated record of the experiment, together with the first record if `both`."""
     chain, theta, notes, u, y = course.chain, course.theta, [], course.inputs(), course.outputs()
     if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
         width = GUESSED_PLAY * float(np.ptp(data.y))
@@ -276,6 +276,7 @@ def _expected_values(
         )
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
     record = _with_names(IOData(u, y + noise, course.Ts), data)
+    record = IOData.merge(data, record) if both else record
     refit = fit_chain(chain, record, start=np.array(theta), search="lm")
     return joint_values(refit, data=record, complete=complete), notes
 

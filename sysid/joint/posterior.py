@@ -214,7 +214,7 @@ class _Search:
         level = colour_level(fit, stretches)
         for turn in range(_ROUNDS):
             shaken = places_around(fit, rough if turn else stretches, level, rng)
-            others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough)]
+            others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
             fit = self._round(full, np.array([fit.theta, *shaken, *others]), rough, units, level)
             level = colour_level(fit, rough)
             scale = 0.5 * rough.N / level**2

@@ -10,10 +10,12 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.staged_joint import play_starts
+from sysid.joint.prior import KNOWN
 from sysid.model.chain import Chain
 from sysid.uncertainty.information import information
 
 _POINTS = 24
+_DRAWN = 150  # backlashes, by what is usual
 _SHAKES = 12  # places near an optimum
 _FAR = 3.0  # deviations of the posterior that a draw goes, per direction
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
@@ -28,7 +30,7 @@ def starting_points(
     new = {name: value for name, value in values.items() if name not in plain.model.names}
     low = dict(zip(full.names, full.limits[0], strict=True))
     centres = {name: centre for name, (centre, _) in new.items()}
-    plays = plays_of(full, lift_theta(plain.model, plain.theta, full, centres), data)
+    plays = plays_of(full, lift_theta(plain.model, plain.theta, full, centres), data, rng)
     yield lift_theta(plain.model, plain.theta, full, {})
     for k in range(_POINTS - 1):
         drawn = {name: centre + (k > 0) * spread * rng.standard_normal() for name, (centre, spread) in new.items()}
@@ -49,21 +51,21 @@ def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator
     return [np.clip(place, *fit.model.limits) for place in places]
 
 
-def plays_of(full: Chain, theta: np.ndarray, data: IOData) -> list[dict[str, float]]:
+def plays_of(full: Chain, theta: np.ndarray, data: IOData, rng: np.random.Generator) -> list[dict[str, float]]:
     """Backlashes for the starts, those first that explain most of what the joint without them leaves."""
     blocks = tuple(block for block in full.blocks if not isinstance(block, Play | CoastingPlay))
     if len(blocks) == len(full.blocks):
         return [{}]
     middle = sub(full, blocks)
-    links = partial(_links, data.Ts) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
+    links = partial(_links, data.Ts, rng) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
     theta, pulls = lift_theta(full, theta, middle, {}), dict[tuple[float, float], dict[str, float]]()
     for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides a backlash
         pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
     return list(pulls.values())[: _POINTS // 2]
 
 
-def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
-    """width, rest, drag, pull0, pull1 of links without weight, and of links that hang or stand."""
+def _links(Ts: float, rng: np.random.Generator, low: float, high: float) -> Iterator[tuple[float, ...]]:
+    """width, rest, drag, pull0, pull1 of links without weight, of links that hang or stand, and of drawn ones."""
     way, weight = high - low, _WEIGHT * Ts**2
     for width in _WIDTHS:
         for bearing in _BEARINGS:
@@ -72,3 +74,9 @@ def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
             for slope in (weight, -weight):
                 for hold in _HOLDS:
                     yield width * way, 0.0, hold * weight * way, -slope * hang, slope
+    known = KNOWN[CoastingPlay]
+    units = way * np.array([1.0, Ts**2, Ts**2, Ts**2 / way])
+    spreads = units * [known[name].spread for name in ("width", "drag", "pull0", "pull1")]
+    for draw in spreads * rng.standard_normal((_DRAWN, 4)):
+        width, drag, pull0, pull1 = draw
+        yield abs(width), 0.0, abs(drag), pull0 - pull1 * rng.uniform(low, high), pull1

@@ -6,9 +6,10 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import capital, display_quantity
-from sysid.drawing.figure import Figure, Span
+from sysid.base.quantities import capital, display_quantity, number
+from sysid.drawing.figure import Axis, Figure, Line, Panel, Span
 from sysid.joint.design import Design
+from sysid.joint.use import Use
 from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Page, Picture, Section
@@ -33,6 +34,7 @@ def page(result: Proposal, file: str) -> Page:
         sentences(result, file),
         [
             Section("Experiment", tables=[phases(d)], pictures=[picture]),
+            *([] if d.use is None else [use_section(d, data.y_name)]),
             Section("What it would tell", tables=[values(d)]),
         ],
         versions(),
@@ -48,13 +50,50 @@ def sentences(result: Proposal, file: str) -> list[str]:
         f"every {d.Ts:g} s. Then identify the new record: {result.command}.",
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
         f"end. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
+        *([] if d.use is None else [_use_sentence(d)]),
         *(f"{capital(note)}." for note in d.notes),
     ]
+
+
+def use_section(d: Design, y_name: str) -> Section:
+    """The deviation of the free run over the input of use, now and with the experiment."""
+    assert d.use is not None
+    caption = (
+        "Expected deviation of the model's free run from the joint over the input of use: with the first record alone, "
+        "and with the experiment. Below, its mean after each part of the experiment: what a minute of the rig brings."
+    )
+    return Section("On your input", pictures=[Picture.of("use", use_figure(d.use, d.units[1], y_name), caption)])
+
+
+def use_figure(use: Use, unit: str, y_name: str) -> Figure:
+    """Deviations over the input of use, and their mean over the time of the rig."""
+    quantity = display_quantity(f"deviation of {y_name}", unit)
+    times = np.arange(len(use.u)) * use.Ts
+    rig, means = np.array(use.steps).T
+    sides = (("with the first record", use.now, style.SECOND), ("with the experiment", use.then, style.MODEL))
+    over_time = [Line(times, quantity.factor * values, name, colour) for name, values, colour in sides]
+    steps = [Line(rig, quantity.factor * means, "mean over the input of use", dots=True)]
+    y = Axis.of(quantity)
+    panels = [
+        Panel(over_time, y, Axis.time("time in the input of use [s]")),
+        Panel(steps, y, Axis.time("time of the rig [s]")),
+    ]
+    return Figure(panels, 1, shared=False, height=4.4)
 
 
 def tables(result: Proposal) -> list[Grid]:
     """What a terminal shows."""
     return [phases(result.design), values(result.design)]
+
+
+def _use_sentence(d: Design) -> str:
+    assert d.use is not None
+    quantity = display_quantity("deviation", d.units[1])
+    now, then = (number(quantity.factor * deviation, 2) for deviation in d.use.deviations)
+    return (
+        f"Over the input of use the model is expected to be off by {now} {quantity.unit} on the mean now, and by "
+        f"{then} {quantity.unit} with the experiment, as far as the joint is like the model."
+    )
 
 
 def phases(d: Design) -> Grid:

@@ -12,8 +12,12 @@ from sysid.base.errors import InputError
 from sysid.base.files import versions
 from sysid.base.quantities import Quantity, display_quantity
 from sysid.channels.conversion import convert
+from sysid.channels.guess import Given, guess
+from sysid.channels.mapping import Range
+from sysid.channels.reading import sample as sample_table
+from sysid.channels.signals import resample_signals
 from sysid.estimation.result import Fit
-from sysid.formats import check_written, write_table
+from sysid.formats import check_written, read_table, write_table
 from sysid.joint.design import Design, design
 from sysid.joint.posterior import fit_joint
 from sysid.joint.values import displayed_value
@@ -32,8 +36,9 @@ class Proposal:
 
     @property
     def command(self) -> str:
-        """The command that identifies the joint from both records, once the second exists."""
-        return shlex.join(["qpal", "identify", "RECORDED.csv", "--structure", ActuatedJoint.name])
+        """The command that identifies the joint once the second record exists: of both, if it was made for a use."""
+        files = ["RECORDED.csv"] if self.design.use is None else [str(self.record.path), "RECORDED.csv"]
+        return shlex.join(["qpal", "identify", *files, "--structure", ActuatedJoint.name])
 
     @property
     def speed(self) -> Quantity:
@@ -69,6 +74,7 @@ def propose(
     seed: int = 0,
     sample: float | None = None,
     to_stops: bool = False,
+    use: str | None = None,
     progress: Callable[[], None] = lambda: None,
     heard: Callable[[str], None] | None = None,
     seconds: float = np.inf,
@@ -77,7 +83,8 @@ def propose(
     """The next experiment on the joint in the log at `path`, in samples of `sample` [s]; `columns` as in `read_record`.
 
     volts: largest input [unit of u]. strike: largest speed, in the unit of the output's column per second. `to_stops`:
-    it may run into stops that the log does not show. `progress` is called before the fit, `heard` with a text after
+    it may run into stops that the log does not show. `use`: a file with the input that the joint will get, for which
+    the experiment is designed (`sysid.joint.use`). `progress` is called before the fit, `heard` with a text after
     each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design. Raises
     InputError for limits that are not positive or longer samples than the log's, before any fit; for a file that is no
     log, a log that is not a joint's, and as `sysid.joint.design.design`.
@@ -90,6 +97,7 @@ def propose(
         raise InputError(
             f"--sample is {sample:g} s and the log has a sample every {record.data.Ts:g} s; give at most this"
         )
+    wanted = None if use is None else input_of_use(use, record)
     strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
     data = ActuatedJoint().scale(record.data)
@@ -102,10 +110,24 @@ def propose(
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = found.fit
-    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops)
+    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted)
     if found.stopped:
         experiment = replace(experiment, notes=(found.stopped, *experiment.notes))
     return Proposal(record, fit, experiment)
+
+
+def input_of_use(path: str, record: Record) -> np.ndarray:
+    """The input (N,) in the file at `path`, in the column that the record's has, at the record's sampling time.
+
+    Raises InputError for a file without this column or a clock.
+    """
+    table = read_table(path)
+    given = Given(input=record.input if record.input in table.names else None)
+    mapping = guess(table, given).mapping.model_copy(update={"output": (), "other": (), "range": Range()})
+    if not mapping.input[0].column:
+        raise InputError(f"{path}: no column {record.input!r}, the input of {record.path}; name it so")
+    signals = resample_signals(sample_table(table, mapping), record.data.Ts)
+    return signals.input[0].values
 
 
 def _column_unit(record: Record) -> str:

@@ -30,6 +30,12 @@ def design(
     to_stops: Annotated[
         bool, typer.Option("--to-stops", help="the joint has a stop each way and may run into it, seen before or not")
     ] = False,
+    for_use: Annotated[
+        str | None,
+        typer.Option(
+            "--for-use", metavar="FILE", help="the input that the joint will get: what shrinks its error there"
+        ),
+    ] = None,
     input: options.Input = None,
     output: options.Output = None,
     ts: options.Ts = None,
@@ -67,6 +73,7 @@ def design(
             options.seed(seed),
             sample,
             to_stops,
+            for_use,
             lambda: step("fitting the joint and designing"),
             console.Searches(step),
             limit,
