@@ -16,6 +16,7 @@ from sysid.uncertainty.information import information
 
 _POINTS = 24
 _DRAWN = 150  # backlashes, by what is usual
+_MOST = 8  # backlashes of either kind that are tried
 _SHAKES = 12  # places near an optimum
 _FAR = 3.0  # deviations of the posterior that a draw goes, per direction
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
@@ -57,15 +58,19 @@ def plays_of(full: Chain, theta: np.ndarray, data: IOData, rng: np.random.Genera
     if len(blocks) == len(full.blocks):
         return [{}]
     middle = sub(full, blocks)
-    links = partial(_links, data.Ts, rng) if any(isinstance(block, CoastingPlay) for block in full.blocks) else None
-    theta, pulls = lift_theta(full, theta, middle, {}), dict[tuple[float, float], dict[str, float]]()
-    for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides a backlash
-        pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
-    return list(pulls.values())[: _POINTS // 2]
+    coasts = any(isinstance(block, CoastingPlay) for block in full.blocks)
+    kinds = (partial(_links, data.Ts), partial(_drawn_links, data.Ts, rng)) if coasts else (None,)
+    theta, found = lift_theta(full, theta, middle, {}), list[dict[str, float]]()
+    for links in kinds:
+        pulls = dict[tuple[float, float], dict[str, float]]()
+        for play in play_starts(full, middle, theta, data, links):  # the best of each weight: a wrong one hides it
+            pulls.setdefault((play.get("play.pull0", 0.0), play.get("play.pull1", 0.0)), play)
+        found += list(pulls.values())[:_MOST]
+    return found
 
 
-def _links(Ts: float, rng: np.random.Generator, low: float, high: float) -> Iterator[tuple[float, ...]]:
-    """width, rest, drag, pull0, pull1 of links without weight, of links that hang or stand, and of drawn ones."""
+def _links(Ts: float, low: float, high: float) -> Iterator[tuple[float, ...]]:
+    """width, rest, drag, pull0, pull1 of links without weight, and of links that hang or stand."""
     way, weight = high - low, _WEIGHT * Ts**2
     for width in _WIDTHS:
         for bearing in _BEARINGS:
@@ -74,9 +79,12 @@ def _links(Ts: float, rng: np.random.Generator, low: float, high: float) -> Iter
             for slope in (weight, -weight):
                 for hold in _HOLDS:
                     yield width * way, 0.0, hold * weight * way, -slope * hang, slope
-    known = KNOWN[CoastingPlay]
-    units = way * np.array([1.0, Ts**2, Ts**2, Ts**2 / way])
+
+
+def _drawn_links(Ts: float, rng: np.random.Generator, low: float, high: float) -> Iterator[tuple[float, ...]]:
+    """The same of links drawn from what is usual, in balance somewhere on the way."""
+    way, known = high - low, KNOWN[CoastingPlay]
+    units = np.array([way, way * Ts**2, way * Ts**2, Ts**2])
     spreads = units * [known[name].spread for name in ("width", "drag", "pull0", "pull1")]
-    for draw in spreads * rng.standard_normal((_DRAWN, 4)):
-        width, drag, pull0, pull1 = draw
+    for width, drag, pull0, pull1 in spreads * rng.standard_normal((_DRAWN, 4)):
         yield abs(width), 0.0, abs(drag), pull0 - pull1 * rng.uniform(low, high), pull1
