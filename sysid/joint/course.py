@@ -94,6 +94,10 @@ class Course:
         """Samples so far."""
         return sum(map(len, self.pieces))
 
+    def output_way(self, way: int) -> int:
+        """The way of the output, 1 or -1, for one of the motor."""
+        return -way if self.falls else way
+
     def inputs(self) -> np.ndarray:
         """u (N,)."""
         return np.concatenate(self.pieces) if self.pieces else np.zeros(0)

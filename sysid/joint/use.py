@@ -12,10 +12,13 @@ from functools import partial
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
+from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.course import SHORT_OF, Course
+from sysid.joint.course import SHORT_OF, Course, stops_met
 from sysid.joint.transfer import joint_information
+from sysid.model.chain import Chain
 
 MOST_TIME = 600.0  # s of the rig
 _PIECE = 15.0  # s of the input of use that the rig plays as one part
@@ -51,10 +54,12 @@ class UseBand:
         chain, info = fit.model, joint_information(fit, data)
         factor = info.factor[info.own]
         still = np.array(fit.theta)
-        still[chain.names.index("motor.v0")] = 0.0
+        still[chain.names.index(f"{motor_of(chain).role}.v0")] = 0.0
         with np.errstate(all="ignore"):
-            J = chain.tangent(still, u)[1]
-        self.seen = np.where(chain.initial, 0.0, J) @ factor  # the run of use begins at a known place
+            self.run, J = chain.tangent(still, u)
+        self.places, met = data.y[data.observed[:, 0], 0], stops_met(fit, data)
+        self.open = [course.output_way(way) for way in (-1, 1) if course.may_meet[way] and not met[way]]
+        self.seen = _from_known_place(chain, J) @ factor
         self.factor, self.level = factor, float(np.sqrt(info.noise_variance))
         self.course, self.gathered = course, np.eye(factor.shape[1])
 
@@ -62,13 +67,21 @@ class UseBand:
         """Information (r, r) in units of the factor's columns with the course's samples from `first` on."""
         chain = self.course.chain
         with np.errstate(all="ignore"):
-            J = chain.tangent(self.course.theta, self.course.inputs())[1][first:]
-        tells = np.where(chain.initial, 0.0, J) @ self.factor / self.level
-        return self.gathered + tells.T @ tells
+            J = chain.tangent(self.course.theta, self.course.inputs())[1]
+        tells = _from_known_place(chain, J) @ self.factor / self.level
+        return self.gathered + tells[first:].T @ tells[first:]
 
     def deviation(self, gathered: np.ndarray) -> np.ndarray:
-        """Standard deviation (N,) [y] over the input of use."""
-        return np.sqrt(np.einsum("ij,ij->i", self.seen, np.linalg.solve(gathered, self.seen.T).T).clip(0.0))
+        """Standard deviation (N,) [y] over the input of use.
+
+        Where no stop was met and the joint may run into one, it may be anywhere between what was seen and where the
+        run goes (uniform).
+        """
+        variance = np.einsum("ij,ij->i", self.seen, np.linalg.solve(gathered, self.seen.T).T).clip(0.0)
+        places = np.concatenate([self.places, self.course.outputs()])
+        for way in self.open:
+            variance += np.maximum(way * self.run - np.max(way * places), 0.0) ** 2 / 3.0
+        return np.sqrt(variance)
 
 
 def add_parts_for_use(
@@ -81,7 +94,7 @@ def add_parts_for_use(
     """
     band = UseBand(fit, data, u, course)
     candidates = [*parts, *(("use", piece) for piece in _pieces(u, course))]
-    now = band.deviation(band.gathered)
+    now, quantity = band.deviation(band.gathered), display_quantity("deviation", data.y_unit or "")
     steps, added = [(0.0, _mean(now))], list[tuple[str, int, int]]()
     while steps[-1][1] > noise:
         tried = [(name, run, *_gain(band, run, steps[-1][1])) for name, run in candidates]
@@ -94,9 +107,12 @@ def add_parts_for_use(
         added.append((name, first, course.N))
         steps.append((course.N * course.Ts, _mean(band.deviation(band.gathered))))
     if not added:
+        off, enough = (number(value * quantity.factor, 2) for value in (steps[0][1], noise))
+        known = f"as little as a reading, which is off by {enough}: the first record tells what this input needs"
+        more = f"and no experiment of {MOST_TIME:.0f} s lowers it: allow larger --volts"
         raise InputError(
-            f"no part of an experiment lowers the deviation of {steps[0][1]:.3g} over this input by {_WORTH:.0%} a "
-            "minute; the first record tells what the input needs: identify it"
+            f"over the input of use the model is expected to be off by {off} {quantity.unit}, "
+            f"{known if steps[0][1] <= noise else more}"
         )
     return Use(u, fit.Ts, now, band.deviation(band.gathered), tuple(steps)), added
 
@@ -115,6 +131,14 @@ def _gain(band: UseBand, run: Part, deviation: float) -> tuple[float, float]:
         return 0.0, 0.0
     finally:
         del course.pieces[before:]
+
+
+def _from_known_place(chain: Chain, J: np.ndarray) -> np.ndarray:
+    """The Jacobian (N, P) of a run whose first output is known: the motor's place follows the other parameters."""
+    place = J[:, chain.names.index(f"{motor_of(chain).role}.x0")]
+    if place[0] != 0.0:
+        J = J - np.outer(place, J[0] / place[0])
+    return np.where(chain.initial, 0.0, J)
 
 
 def _leaves(course: Course, first: int) -> bool:
