@@ -38,6 +38,7 @@ NOT_RUN = {
     ("compare.md", 0): "a minute, and logs of a rig; tests/cli/test_compare.py",
     ("index.md", 0): "the commands of the tutorial",
     ("joint.md", 0): "an experiment of ten minutes is identified; tests/cli/test_design.py on a short one",
+    ("joint.md", 1): "another input, and the record of the experiment; tests/recovery/test_design_for_use.py",
     ("logs.md", 0): "the reader's own log; tests/cli/test_info_file.py",
     ("record.md", 0): "the commands of the tutorial on another joint",
     ("record.md", 1): "an experiment of minutes is designed; tests/cli/test_design.py",
