@@ -16,6 +16,7 @@ from drawn_joints import DURATION, below_ceiling, leg, records
 from study import Row, Study, words
 
 import twin
+from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.design import design
@@ -39,12 +40,17 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         return twin.Experiment(joint, "aprbs", DURATION, data.Ts, 1000 * seed + k, (), p, settings).run()
 
     first, use = fit_joint(data, plain, seed=seed).fit, log(2)
-    found = design(first, data, to_stops=True, use=use.io().u[:, 0])
-    assert found.use is not None
-    both = fit_joint(IOData.merge(data, designed_record(found, joint, 3 * seed + 4, p)), plain, seed=seed).fit
+    try:
+        found = design(first, data, to_stops=True, use=use.io().u[:, 0])
+    except InputError:  # the sweep is expected to tell enough
+        both, expected, rig = first, (np.nan, np.nan), 0.0
+    else:
+        assert found.use is not None
+        expected, rig = found.use.deviations, found.duration
+        both = fit_joint(IOData.merge(data, designed_record(found, joint, 3 * seed + 4, p)), plain, seed=seed).fit
     others = [log(k) for k in OTHERS]
     return {
-        **{"joint": joint, "seed": seed, "rig": found.duration, "expected": found.use.deviations},
+        **{"joint": joint, "seed": seed, "rig": rig, "expected": expected},
         "real": [_left(fit, use.io()) for fit in (first, both)],
         "points": [[below_ceiling(fit, other) for other in others] for fit in (first, both)],
     }
@@ -64,11 +70,12 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
         expected, real = (np.degrees([row[kind][k] for row in rows]) for kind in ("expected", "real"))
         lines.append(
             f"{name:20s} n {len(x)}  within 0.5 {np.sum(x <= 0.5)}  within 2 {np.sum(x <= 2.0)}  median "
-            f"{np.median(x):.2f}  worst {x.max():.1f}  expected {np.median(expected):.2f} deg, real "
+            f"{np.median(x):.2f}  worst {x.max():.1f}  expected {np.nanmedian(expected):.2f} deg, real "
             f"{np.median(real):.2f} deg (medians), real beyond twice the expected on {np.sum(real > 2.0 * expected)}"
         )
     rig = [row["rig"] for row in rows]
-    return "\n".join([*lines, f"rig: median {np.median(rig):.0f} s, longest {max(rig):.0f} s"])
+    none = sum(seconds == 0.0 for seconds in rig)
+    return "\n".join([*lines, f"rig: median {np.median(rig):.0f} s, longest {max(rig):.0f} s, none on {none}"])
 
 
 STUDY = Study(
