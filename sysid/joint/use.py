@@ -23,6 +23,7 @@ from sysid.model.chain import Chain
 MOST_TIME = 600.0  # s of the rig
 _PIECE = 15.0  # s of the input of use that the rig plays as one part
 _PIECES = 6  # places in the input of use that are tried
+_ENOUGH = 1.0 / 3.0  # of a reading's noise: beside it such a deviation widens what is seen by a twentieth
 _WORTH = 0.02  # of the variance, for a minute: a part that brings less is not worth its time
 
 Part = Callable[[], None]
@@ -90,13 +91,13 @@ def add_parts_for_use(
     """The experiment for the input u (N,) of use, added to the course; with the name and samples of each of its parts.
 
     `parts` add to the course; pieces of u itself are among those that are tried. It ends where the deviation over u is
-    below `noise` [y], where no part is worth its time, or after `MOST_TIME`. Raises InputError where no part fits.
+    small beside `noise` [y], where no part is worth its time, or after `MOST_TIME`. Raises InputError where no part is.
     """
     band = UseBand(fit, data, u, course)
     candidates = [*parts, *(("use", piece) for piece in _pieces(u, course))]
     now, quantity = band.deviation(band.gathered), display_quantity("deviation", data.y_unit or "")
     steps, added = [(0.0, _mean(now))], list[tuple[str, int, int]]()
-    while steps[-1][1] > noise:
+    while steps[-1][1] > _ENOUGH * noise:
         tried = [(name, run, *_gain(band, run, steps[-1][1])) for name, run in candidates]
         name, run, worth, seconds = max(tried, key=lambda row: row[2])
         if worth <= _WORTH / 60.0 or steps[-1][0] + seconds > MOST_TIME:
@@ -108,11 +109,11 @@ def add_parts_for_use(
         steps.append((course.N * course.Ts, _mean(band.deviation(band.gathered))))
     if not added:
         off, enough = (number(value * quantity.factor, 2) for value in (steps[0][1], noise))
-        known = f"as little as a reading, which is off by {enough}: the first record tells what this input needs"
+        known = f"little beside a reading, which is off by {enough}: the first record tells what this input needs"
         more = f"and no experiment of {MOST_TIME:.0f} s lowers it: allow larger --volts"
         raise InputError(
             f"over the input of use the model is expected to be off by {off} {quantity.unit}, "
-            f"{known if steps[0][1] <= noise else more}"
+            f"{known if steps[0][1] <= _ENOUGH * noise else more}"
         )
     return Use(u, fit.Ts, now, band.deviation(band.gathered), tuple(steps)), added
 
