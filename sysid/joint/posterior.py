@@ -253,8 +253,7 @@ def _warnings(joint: JointFit, data: IOData) -> Iterator[str]:
         yield joint.stopped
     elif joint.agreed < 2 <= joint.tried:
         yield (
-            f"only one of the last {joint.tried} searches led to this joint, so a better one may exist; "
-            "try --starts 20"
+            f"only one of the last {joint.tried} searches led to this joint, so a better one may exist; try --starts 20"
         )
     y = data.y[data.observed[:, 0], 0]
     percent = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))
