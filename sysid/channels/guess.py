@@ -121,8 +121,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     if switch is not None:
         why.append(f"column {switch.name!r} is 0 while the drive is off: what lies between is left out")
-        other = (Channel(column=switch.name, unit="1", name=switch.name),)
-        mapping = mapping.model_copy(update={"other": other, "range": Range(drive=switch.name)})
+        mapping = mapping.model_copy(update={"range": Range(drive=switch.name)})
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

@@ -308,7 +308,8 @@ class ChannelMap(_Part):
 
     def columns(self) -> dict[str, str]:
         """Every column that is read, and the entry of the file that names it."""
-        entries = {self.clock.column: "clock.column", self.range.active: "range.active"}
+        entries = {self.clock.column: "clock.column"}
+        entries |= {self.range.active: "range.active", self.range.drive: "range.drive"}
         for _, channel, entry in self.channels():
             entries.setdefault(channel.column, f"{entry}.column")
             entries.setdefault(channel.times, f"{entry}.times")

@@ -17,7 +17,7 @@ from sysid.channels.binding import channel_values, check_mapping, names_of, with
 from sysid.channels.column import numbers
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
-from sysid.channels.mapping import ROLES, ChannelMap, Range, Repair
+from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
 from sysid.channels.mapping_file import read_map
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
@@ -87,6 +87,10 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
+    drive = mapping.range.drive
+    if drive and drive not in (channel.column for channel in mapping.other):
+        other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
+        mapping = mapping.model_copy(update={"other": other})
     check_mapping(table, mapping)
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)

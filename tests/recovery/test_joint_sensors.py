@@ -105,5 +105,11 @@ def test_the_stretches_with_the_drive_off_are_left_out(tmp_path):
     path.write_text("\n".join(["time [s],voltage [V],angle [deg],torque_enable", *lines]))
     data = sysid.read(path)
     assert data.lengths == (200,) * 6
+    mapping = tmp_path / "map.toml"
+    mapping.write_text(
+        '[clock]\ncolumn = "time [s]"\nunit = "s"\n[[input]]\ncolumn = "voltage [V]"\n'
+        '[[output]]\ncolumn = "angle [deg]"\n[range]\ndrive = "torque_enable"\n'
+    )
+    assert sysid.read(path, map=mapping).lengths == data.lengths
     found = sysid.fit_joint(data)
     assert np.degrees(np.sqrt(found.fit.criteria.mse)) < 1.1 * NOISE
