@@ -51,7 +51,8 @@ def band_in_words(e: Evaluation) -> list[str]:
     if e.band is None:
         return []
     sentence = f"The {100 * e.band.level:g} % band of its free run holds {percent(100 * e.held)} of the validation data"
-    variance = np.nan_to_num(e.band.std, nan=np.inf) ** 2
+    with np.errstate(over="ignore"):  # of a run that runs away
+        variance = np.nan_to_num(e.band.std, nan=np.inf) ** 2
     noise = float(np.min(variance))  # of the same size everywhere, and alone where the model is sure
     if np.mean(variance) > np.var(e.validation.y[:, 0]):
         wide = "; it is wider than the output itself: the estimation data do not say what the model does on this input"

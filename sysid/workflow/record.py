@@ -270,7 +270,10 @@ def with_places(record: Record) -> Record:
         replace(part, y=cumulative_trapezoid(part.y, dx=part.Ts, axis=0, initial=0.0), y_unit=unit, missing=None)
         for part in data.experiments
     ]
-    note = f"column {record.output!r} is a speed: the joint is fitted to the place that it leads to, 0 at the start"
+    note = (
+        f"column {record.output!r} is a speed: the joint is fitted to the place that it leads to, 0 at the start; an "
+        "offset of the sensor becomes a drift, unless a mapping takes it away (offset of [[output]])"
+    )
     outputs = tuple(replace(signal, unit=unit) for signal in record.signals.output)
     signals = replace(record.signals, output=outputs)
     return replace(record, data=IOData.merge(*parts), signals=signals, remarks=(*record.remarks, note))
