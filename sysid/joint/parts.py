@@ -16,20 +16,15 @@ from scipy.stats import norm
 
 from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit_chain
-from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
-from sysid.joint.full import best_points, colour_level
+from sysid.joint.full import colour_level
 from sysid.joint.holdout import refit_with_cost
 from sysid.joint.physics import way_up
 from sysid.joint.prior import known_of, units_of, usual_values
-from sysid.joint.starting_points import places_around
 from sysid.joint.transfer import joint_information
-from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 
 _STRONG = 20.0  # odds
-_LEADERS = 4  # starts of a wide search
 WORDS: dict[type, dict[str, str]] = {
     Motor: {
         "stick": "higher friction at rest upward",
@@ -98,8 +93,6 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
             odds = _odds(*normals)
             if odds > _STRONG:
                 odds = min(odds, max(1.0, heights.odds_against(name, 0.0)))
-            if odds > _STRONG and isinstance(block, Play | CoastingPlay):  # of which the search tried many
-                odds = min(odds, max(1.0, heights.odds_against(name, 0.0, thorough=True)))
             elif odds * _STRONG < 1.0:
                 usual_sizes = {usual[name][0], sum(usual[name])} - {0.0}
                 odds = max(odds, *(min(1.0, 1.0 / heights.odds_against(name, size)) for size in usual_sizes))
@@ -121,24 +114,14 @@ class _Heights:
     def _level(self) -> float:
         return colour_level(self.fit, self.data)
 
-    def odds_against(self, name: str, value: float, thorough: bool = False) -> float:
-        """Height of the posterior over that with parameter `name` held at `value`; `thorough` searches around it."""
+    def odds_against(self, name: str, value: float) -> float:
+        """Height of the posterior over that with the parameter `name` held at `value`."""
         fit = self.fit
         held = replace(fit.model, fixed={**fit.model.fixed, name: value})
         theta = np.where(np.array(held.names) == name, value, fit.theta)
         with np.errstate(all="ignore"):
-            if thorough:
-                theta = self._searched(held, theta)
             fall = (refit_with_cost(held, theta, self.data, fit.prior)[1] - self._best) / (2.0 * self._level**2)
         return float(np.exp(np.clip(np.nan_to_num(fall, nan=0.0), -600.0, 600.0)))
-
-    def _searched(self, held: Chain, theta: np.ndarray) -> np.ndarray:
-        """theta (P,) after as wide a search as the fit had in its last round."""
-        objective = Objective(curvature_weight=0.0, prior=self.fit.prior)
-        near = fit_chain(held, self.data, start=theta[None], search="lm", objective=objective)
-        places = places_around(near, self.data, self._level, np.random.default_rng(len(theta)))
-        points = best_points(held, np.array([near.theta, *places]), self.data, _LEADERS, objective)
-        return fit_chain(held, self.data, start=points, search="lm", objective=objective).theta
 
 
 def _odds(value: float, std: float, usual: float, spread: float) -> float:

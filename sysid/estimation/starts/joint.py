@@ -69,15 +69,9 @@ def _balance_candidates(chain: Chain, properties: _Record) -> list[dict[str, flo
     """The motor by its voltage balance where its position is the output but for the ends of a play or a spring."""
     motor = motor_of(chain)
     blocks = chain.blocks[chain.blocks.index(motor) + 1 :]
-    straight = bool(blocks) and isinstance(blocks[0], TravelMap) and blocks[0].knots == 2
-    if motor is not chain.blocks[0] or not all(isinstance(b, Play | Compliance) for b in blocks[straight:]):
+    if motor is not chain.blocks[0] or not all(isinstance(b, Play | Compliance) for b in blocks) or properties.sign < 0:
         return []
-    if properties.sign < 0 and not straight:
-        return []
-    first, last = _ends(chain, properties, np.random.default_rng(0)) if straight else (0.0, 1.0)
-    places = (np.array([properties.low, properties.high]) - first) / (last - first)
-    low, high = sorted(map(float, places))
-    return balances(motor, properties.u, (properties.y - first) / (last - first), (low, high))
+    return balances(motor, properties.u, properties.y, (properties.low, properties.high))
 
 
 def _fill_values(chain: Chain, values: dict[str, float], properties: _Record, rng: np.random.Generator) -> np.ndarray:
@@ -122,8 +116,7 @@ def _draw(chain: Chain, properties: _Record, rng: np.random.Generator, k: int) -
 def _ends(chain: Chain, properties: _Record, rng: np.random.Generator) -> tuple[float, float]:
     """Outputs at the motor's lower and upper end."""
     if chain.block("sensor") is None:
-        ends = (properties.low, properties.high) if properties.sign > 0 else (properties.high, properties.low)
-        return chain.fixed.get("map.low", ends[0]), chain.fixed.get("map.high", ends[1])
+        return (properties.low, properties.high) if properties.sign > 0 else (properties.high, properties.low)
     # What a sensor shows says little of where the ends are: try either side of zero.
     reach = max(abs(properties.low), abs(properties.high))
     share = rng.uniform(0.0, 1.0) if rng.random() < 0.8 else 1.0
