@@ -124,25 +124,32 @@ def best_points(chain: Chain, points: np.ndarray, data: IOData, finalists: int, 
     share = 1.0
     while len(points) * share > 2 * finalists:
         share /= 2.0
+    part, running = None, list[tuple[ChainProblem, np.ndarray]]()
     while True:
-        part = data.portion(max(ENOUGH_SAMPLES, round(share * data.N)))
+        before, part = part, data.portion(max(ENOUGH_SAMPLES, round(share * data.N)))
         context = SearchContext(chain, part, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
-        starts = [context.problem(with_initial_states(chain, p, part)) for p in points]
-        problems = set_curvature_weight(context, starts)
-        ends = [context.iterate(problem, problem.start, context.options) for problem in problems]
-        order = [k for k in np.argsort([end.cost for end in ends], kind="stable") if np.isfinite(ends[k].cost)]
+        if part is not before:
+            problems = [context.problem(with_initial_states(chain, p, part)) for p in points]
+            running = [(problem, problem.start) for problem in set_curvature_weight(context, problems)]
+        ends = [(problem, context.iterate(problem, p, context.options)) for problem, p in running]
+        ends = sorted((end for end in ends if np.isfinite(end[1].cost)), key=lambda end: end[1].cost)
         last = len(points) <= 2 * finalists
-        order = order[: finalists if last else len(points) // 2]
-        points = np.array([problems[k].thetas(ends[k].p)[0] for k in order])
+        ends = ends[: finalists if last else len(points) // 2]
+        points = np.array([problem.thetas(end.p)[0] for problem, end in ends])
         if last or not len(points):
             return points
+        running = [(problem, end.p) for problem, end in ends]
         share *= 2.0
 
 
 def colour_level(fit: Fit, data: IOData) -> float:
-    """The deviation of white noise that moves the parameters as far as the colour of the residuals does."""
+    """The deviation of white noise that moves the parameters as far as the colour of the residuals does.
+
+    However coloured, n samples tell no less than one does, so it is at most sqrt(n) times that of the residuals.
+    """
     thetas = with_initial_states(fit.model, fit.theta, data)
     problem = ChainProblem(fit.model, thetas, data.experiments, fit.model.free)
     e, J = problem.linearise(problem.start)
     lengths = [int(part.observed.sum()) for part in data.experiments]
-    return float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))
+    level = float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))
+    return min(level, float(np.linalg.norm(e)))
