@@ -288,7 +288,7 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
 
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
     """The only column beside `partner` that moves, if its name does not speak against the role."""
-    moving_columns = [column for column in columns.values() if column is not partner and not column.constant]
+    moving_columns = [c for c in columns.values() if c is not partner and not c.constant and not c.header.has(SWITCH)]
     if len(moving_columns) != 1:
         return None
     speed = role == "output" and moving_columns[0].header.has(SPEED) and not moving_columns[0].header.has(NEVER)

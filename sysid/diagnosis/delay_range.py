@@ -42,7 +42,8 @@ class DelayRange:
 
     def first(self, level: float) -> int:
         """The first delay that is not excluded at this level, which all delays of the range share."""
-        return int(self.within(2.0 * float(np.log(len(self.criteria) / level)))[0])
+        possible = self.within(2.0 * float(np.log(len(self.criteria) / level)))
+        return int(possible[0]) if len(possible) else 0  # experiments too short for any
 
 
 def delay_ranges(data: IOData, j: int, level: float) -> tuple[DelayRange, ...]:

@@ -113,3 +113,16 @@ def test_the_stretches_with_the_drive_off_are_left_out(tmp_path):
     assert sysid.read(path, map=mapping).lengths == data.lengths
     found = sysid.fit_joint(data)
     assert np.degrees(np.sqrt(found.fit.criteria.mse)) < 1.1 * NOISE
+
+
+def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_inspected(tmp_path):
+    t, rng = np.arange(600) * TS, np.random.default_rng(8)
+    u, on = levels(600, 8.0, 9), (np.arange(600) % 40 < 25).astype(int)
+    path = tmp_path / "log.csv"
+    table = np.column_stack([t, u, 3.0 * u + rng.standard_normal(600), on])
+    header = "time [s],voltage [V],speed [deg/s],torque_enable"
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.6g")
+    data = sysid.read(path)
+    assert data.y_unit == "rad/s"
+    assert data.lengths == (25,) * 15
+    assert main(["info", str(path), "--out", str(tmp_path / "info")]) == 0
