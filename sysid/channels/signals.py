@@ -109,10 +109,11 @@ class Signals:
         )
         if not self.mapping.range.drive:
             return data
-        if not self.driven:
+        stretches = self.driven
+        if not stretches:
             name = self.mapping.range.drive
             raise InputError(f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples; give a longer log")
-        return IOData.merge(*(data.select(*stretch) for stretch in self.driven))
+        return IOData.merge(*(data.select(*stretch) for stretch in stretches))
 
     @property
     def driven(self) -> list[tuple[int, int]]:

@@ -178,6 +178,8 @@ class IOData(Shown):
     @checked
     def head(self, samples: int) -> "IOData":
         """The first experiments, up to so many samples (at least 2) in all."""
+        if samples >= self.N:
+            return self
         remaining, parts = samples, []
         for e in self.experiments:
             if remaining >= 2:
