@@ -117,10 +117,10 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 channels[role].append(_guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
-    switch = switch_of(signals)
+    switch, switch_note = switch_of(signals, table.names)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
+    why += [switch_note] if switch_note else []
     if switch is not None:
-        why.append(f"column {switch.name!r} is 0 while the drive is off: what lies between is left out")
         mapping = mapping.model_copy(update={"range": Range(drive=switch.name)})
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 

@@ -129,7 +129,8 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     ]
     words = [correction.words for correction in corrections if correction.needed]
     notes = (*notes, *name_notes, *table.notes, *words)
-    return resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
+    record = resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
+    return replace(record, notes=(*record.notes, *record.drive_notes()))
 
 
 def _keep_range(table: Table, mapping: ChannelMap) -> tuple[Table, str]:

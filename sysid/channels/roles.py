@@ -15,7 +15,7 @@ from sysid.channels.clock import (
     is_named_clock,
     unit_of_clock,
 )
-from sysid.channels.column import Column, misspelt_number, unit_in_brackets, words
+from sysid.channels.column import Column, misspelt_number, parse_header, unit_in_brackets, words
 from sysid.channels.conversion import convert, is_time
 from sysid.channels.mapping import Clock, list_names
 from sysid.data.table import Table
@@ -42,7 +42,8 @@ WEAK_OUTPUT = words(
     "outputs yout uout response measured measurement meas sensor reading speed velocity vel omega rate acceleration "
     "acc accel gyro temp temperature displacement ausgang messwert istwert lage drehzahl angles positions"
 )
-SWITCH = words("enable enabled armed")  # a column that is 0 while the drive is off
+SWITCH = words("enable enabled armed disable disabled")  # a column that is 0 while the drive is off, with no words
+_DRIVE = words("torque motor drive driver servo axis joint actuator power output is state status")  # but these
 CLOCK_OF_LOG = "time_s"  # clock, input and output of the logs that this program writes
 SIGNALS_OF_LOG = ("voltage_V", "angle_rad")
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
@@ -298,11 +299,34 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
     return moving_columns[0]
 
 
-def switch_of(columns: Columns) -> Column | None:
-    """The one column that says when the drive is on: 0 and another value, in stretches."""
-    switches = [c for c in columns.values() if c.header.has(SWITCH) and len(np.unique(c.finite)) == 2]
-    switches = [c for c in switches if not c.finite.all()]
-    return switches[0] if len(switches) == 1 else None
+def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, str]:
+    """The column that says when the drive is on, 0 and another value, if it is one; and what was made of its kind.
+
+    `names` are those of all columns, also of text.
+    """
+    headers = {name: columns[name].header if name in columns else parse_header(name) for name in names}
+    likely = [name for name, h in headers.items() if h.has(SWITCH) and h.words <= SWITCH | _DRIVE]
+    likely = [
+        name for name in likely if name not in columns or not columns[name].finite.all() or not columns[name].constant
+    ]
+    if not likely:
+        return None, ""
+    name, column = likely[0], columns.get(likely[0])
+    values = len(np.unique(column.finite)) if column is not None else 0
+    if len(likely) > 1:
+        reason = f"so may {list_names(likely[1:])}"
+    elif column is None:
+        reason = "it holds text"
+    elif headers[name].has({"disable", "disabled"}):
+        reason = "its name says that it is 0 then"
+    elif values != 2 or column.finite.all():
+        reason = "it is 0 throughout" if values == 1 else f"it holds {values} values"
+    else:
+        return column, f"column {name!r} is 0 while the drive is off: what lies between is left out"
+    return None, (
+        f"column {name!r} may say when the drive is on, but {reason}: nothing is left out. If the drive was off, "
+        "name a column that is 0 there and 1 elsewhere as drive of [range] in a mapping"
+    )
 
 
 def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Columns) -> list[str]:

@@ -115,13 +115,25 @@ class Signals:
             raise InputError(f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples; give a longer log")
         return IOData.merge(*(data.select(*stretch) for stretch in stretches))
 
-    @property
-    def driven(self) -> list[tuple[int, int]]:
-        """Stretches (start, stop) of samples in which the drive is on, without those too short to tell anything."""
+    def _driven(self) -> list[tuple[int, int]]:
+        """Stretches (start, stop) of samples in which the drive is on."""
         switch = next(s for s in self.other if s.column == self.mapping.range.drive)
         size = np.abs(switch.values)  # between samples, and behind a filter, neither 0 nor 1
-        stretches = runs((size > 0.5 * size.max()) & ~switch.missing)
-        return [(start, stop) for start, stop in stretches if stop - start >= _SHORTEST_RUN]
+        return runs((size > 0.5 * size.max()) & ~switch.missing)
+
+    @property
+    def driven(self) -> list[tuple[int, int]]:
+        """Those that are not too short to tell anything."""
+        return [(start, stop) for start, stop in self._driven() if stop - start >= _SHORTEST_RUN]
+
+    def drive_notes(self) -> tuple[str, ...]:
+        """How much is left out because the drive is off; nothing of a record that is driven throughout."""
+        if not self.mapping.range.drive:
+            return ()
+        all_, kept = self._driven(), self.driven
+        left = self.N - sum(stop - start for start, stop in kept)
+        short = f" and {len(all_) - len(kept)} shorter than {_SHORTEST_RUN} samples" if len(kept) < len(all_) else ""
+        return (f"the drive is on in {len(kept)} stretches{short}: {left} of {self.N} samples are left out",)
 
     def as_dict(self) -> dict[str, Any]:
         """File, mapping, units, notes and counts for a summary."""

@@ -11,7 +11,7 @@ from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor, Trav
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
 from sysid.estimation.fit import fit_chain
-from sysid.estimation.initial_state import with_initial_states
+from sysid.estimation.initial_state import estimate_initial, with_initial_states
 from sysid.estimation.joint_parts import FRICTIONS, lift_theta, motor_of, sub
 from sysid.estimation.noise_model import noise_model
 from sysid.estimation.objective import Objective
@@ -60,8 +60,10 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):
         play = CoastingPlay(role="play") if "coasts" in wanted else Play(role="play")
         blocks.insert(len(blocks) - (blocks[-1].role == "sensor"), play)
-    load0 = f"{motor.role}.load0"  # a loss tells a load from a difference between the frictions
-    fixed = {name: value for name, value in plain.fixed.items() if name != load0 or not full.loss or value != 0.0}
+    told = {f"{motor.role}.v0"}  # a part of a log begins in motion
+    if full.loss:  # tells a load from a difference between the frictions
+        told.add(f"{motor.role}.load0")
+    fixed = {name: value for name, value in plain.fixed.items() if name not in told or value != 0.0}
     return sub(replace(plain, fixed=fixed), tuple(blocks))
 
 
@@ -147,8 +149,8 @@ def colour_level(fit: Fit, data: IOData) -> float:
 
     However coloured, n samples tell no less than one does, so it is at most sqrt(n) times that of the residuals.
     """
-    thetas = with_initial_states(fit.model, fit.theta, data)
-    problem = ChainProblem(fit.model, thetas, data.experiments, fit.model.free)
+    others = (estimate_initial(fit.model, fit.theta, part) for part in data.experiments[1:])
+    problem = ChainProblem(fit.model, np.array([fit.theta, *others]), data.experiments, fit.model.free)
     e, J = problem.linearise(problem.start)
     lengths = [int(part.observed.sum()) for part in data.experiments]
     level = float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))

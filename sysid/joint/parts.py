@@ -25,6 +25,7 @@ from sysid.joint.transfer import joint_information
 from sysid.motor_parts import TABLE
 
 _STRONG = 20.0  # odds
+_SEARCHED = 100  # iterations: to the end
 WORDS: dict[type, dict[str, str]] = {
     Motor: {
         "stick": "higher friction at rest upward",
@@ -76,8 +77,9 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
     """
     if fit.prior is None:
         return ()
-    chain, heights = fit.model, _Heights(fit, data)
-    usual, deviations = usual_values(chain, units_of(chain, fit.theta, data)), joint_information(fit, data).std_of_fit
+    chain, info = fit.model, joint_information(fit, data)
+    heights = _Heights(fit, data, info.cov[np.ix_(info.own, info.own)])
+    usual, deviations = usual_values(chain, units_of(chain, fit.theta, data)), info.std_of_fit
     found = []
     for block in chain.blocks:
         for slot in block.slots():
@@ -103,8 +105,8 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
 class _Heights:
     """By how much the posterior of a joint falls where a parameter is held elsewhere and the others are searched."""
 
-    def __init__(self, fit: Fit, data: IOData) -> None:
-        self.fit, self.data = fit, data
+    def __init__(self, fit: Fit, data: IOData, cov: np.ndarray) -> None:
+        self.fit, self.data, self.cov = fit, data, cov
 
     @cached_property
     def _best(self) -> float:
@@ -115,12 +117,19 @@ class _Heights:
         return colour_level(self.fit, self.data)
 
     def odds_against(self, name: str, value: float) -> float:
-        """Height of the posterior over that with the parameter `name` held at `value`."""
-        fit = self.fit
-        held = replace(fit.model, fixed={**fit.model.fixed, name: value})
-        theta = np.where(np.array(held.names) == name, value, fit.theta)
+        """Height of the posterior over that with the parameter `name` held at `value`.
+
+        The search begins with the other parameters as they are, and where a normal posterior has them.
+        """
+        fit, k = self.fit, self.fit.model.names.index(name)
+        held, change = replace(fit.model, fixed={**fit.model.fixed, name: value}), np.zeros(len(fit.theta))
+        change[k] = value - fit.theta[k]
         with np.errstate(all="ignore"):
-            fall = (refit_with_cost(held, theta, self.data, fit.prior)[1] - self._best) / (2.0 * self._level**2)
+            moved = np.nan_to_num(self.cov[:, k] / self.cov[k, k]) * change[k]
+            moved[k] = change[k]
+            starts = (np.clip(fit.theta + way, *held.limits) for way in (change, moved))
+            costs = [refit_with_cost(held, start, self.data, fit.prior, _SEARCHED)[1] for start in starts]
+            fall = (np.nanmin(costs) - self._best) / (2.0 * self._level**2)
         return float(np.exp(np.clip(np.nan_to_num(fall, nan=0.0), -600.0, 600.0)))
 
 

@@ -78,7 +78,7 @@ class JointFit(Shown):
         absent = [part.words for part in self.parts if part.verdict == "absent"]
         open_ = [part.words for part in self.parts if part.verdict == "open"]
         sentences = [f"The record shows {_listed(shown)}." if shown else ""]
-        sentences += [f"It shows that there is no {_listed(absent, 'and no')}." if absent else ""]
+        sentences += [f"It shows that there is {_listed([f'no {words}' for words in absent])}." if absent else ""]
         sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
         if self.ends != "both" and not self.unmet:
             sentences.append(f"The record shows {ENDS_IN_WORDS[self.ends]}.")

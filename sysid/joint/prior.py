@@ -36,7 +36,7 @@ KNOWN: dict[type, dict[str, Known]] = {
         "delay": Known(0.5, 0.5, "response"),
         "stick": Known(0.2, 0.2, "friction"),
         "stick_down": Known(0.2, 0.2, "friction"),
-        "stick_speed": Known(0.05, 0.05, "speed"),
+        "stick_speed": Known(0.05, 0.025, "speed"),
         "load0": Known(0.0, 0.5, "friction"),
         "loss": Known(0.2, 0.3, "one"),
         "jam": Known(0.0, 0.3, "time by speed"),

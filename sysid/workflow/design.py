@@ -16,6 +16,7 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import Range
 from sysid.channels.reading import sample as sample_table
 from sysid.channels.signals import resample_signals
+from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, read_table, write_table
 from sysid.joint.design import Design, design
@@ -24,6 +25,8 @@ from sysid.joint.values import displayed_value
 from sysid.joint.verdict import verdict
 from sysid.structures import ActuatedJoint
 from sysid.workflow.record import Record, read_record, with_places
+
+_SHORTEST_USE = 20  # samples: fewer are no motion
 
 
 @dataclass(frozen=True)
@@ -111,6 +114,8 @@ def propose(
         )
     fit = found.fit
     experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted)
+    if wanted is not None:
+        experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data)))
     if found.stopped:
         experiment = replace(experiment, notes=(found.stopped, *experiment.notes))
     return Proposal(record, fit, experiment)
@@ -119,15 +124,33 @@ def propose(
 def input_of_use(path: str, record: Record) -> np.ndarray:
     """The input (N,) in the file at `path`, in the column that the record's has, at the record's sampling time.
 
-    Raises InputError for a file without this column or a clock.
+    Raises InputError for a file without this column or a clock, and for an input that is too short or never moves.
     """
     table = read_table(path)
     given = Given(input=record.input if record.input in table.names else None)
     mapping = guess(table, given).mapping.model_copy(update={"output": (), "other": (), "range": Range()})
     if not mapping.input[0].column:
         raise InputError(f"{path}: no column {record.input!r}, the input of {record.path}; name it so")
-    signals = resample_signals(sample_table(table, mapping), record.data.Ts)
-    return signals.input[0].values
+    u = resample_signals(sample_table(table, mapping), record.data.Ts).input[0].values
+    if len(u) < _SHORTEST_USE or np.ptp(u) == 0.0:
+        raise InputError(
+            f"{path}: the input of use has {len(u)} samples from {u.min():g} to {u.max():g}; give at least "
+            f"{_SHORTEST_USE} samples of one that moves, as the joint will get it"
+        )
+    return u
+
+
+def _beyond(u: np.ndarray, experiment: Design, data: IOData) -> tuple[str, ...]:
+    """A note where the input of use goes farther than the log and the experiment do."""
+    ends = [(float(np.min(x)), float(np.max(x))) for x in (u, np.concatenate([experiment.u, data.u[:, 0]]))]
+    (low, high), (least, most) = ends
+    if least <= low and high <= most:
+        return ()
+    unit = experiment.units[0]
+    return (
+        f"the input of use goes from {low:.3g} to {high:.3g} {unit}, the log and the experiment from {least:.3g} to "
+        f"{most:.3g}: beyond this the expected deviation is not tried; allow it with --volts",
+    )
 
 
 def _column_unit(record: Record) -> str:
