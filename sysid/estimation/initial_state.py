@@ -14,6 +14,7 @@ from sysid.solver.iterate import Options
 
 _SEARCH = Options(max_iterations=50, grain=0.0)
 _POOR = 0.25  # of the output's variance, left by a state from which a map behind the linear block may be flat
+_PACE = 4  # samples whose slope is a speed
 _FIRST = 20  # samples that give a motor's initial position
 
 
@@ -128,18 +129,23 @@ def _steady(chain: Chain, theta: np.ndarray, u: np.ndarray, y: np.ndarray) -> np
 
 
 def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The motor at rest at the position that gives y's first values."""
+    """The motor at the position that gives y's first values; at their speed where its initial speed is free.
+
+    From rest no derivative leads to a motion: friction holds it.
+    """
     motor = motor_of(chain)
     rest, k = _at_rest(chain, theta), chain.blocks.index(motor)
-    names = [slot.name for slot in motor.slots()]
-    part = rest[chain.index(motor)]
     levels = np.linspace(*_way(chain, theta, y), 401)
     curve = levels
     for b in chain.blocks[k + 1 :]:
         if isinstance(b, StaticBlock):
             curve = b.output(chain.part(theta, b), curve)
-    part[names.index("x0")] = levels[np.argmin(np.abs(curve - float(np.mean(y[:3]))))]
-    rest[chain.index(motor)] = part
+    nearest = int(np.argmin(np.abs(curve - float(np.mean(y[:3])))))
+    places = {slot.name: chain.index(motor).start + i for i, slot in enumerate(motor.slots())}
+    rest[places["x0"]] = levels[nearest]
+    steps = np.gradient(curve, levels)
+    if chain.free[places["v0"]] and len(y) >= _PACE and steps[nearest] != 0.0:
+        rest[places["v0"]] = np.polyfit(np.arange(_PACE), y[:_PACE], 1)[0] / steps[nearest]
     return rest
 
 

@@ -1,6 +1,7 @@
 """Joints whose sensor counts the other way, or tells a speed: they have the values of the same joint."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from motion import Reference
 
 import sysid
 from sysid.data.record import IOData
+from sysid.joint.full import colour_level
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
 from sysid.structures.actuated_joint import joint_motor
@@ -113,6 +115,33 @@ def test_the_stretches_with_the_drive_off_are_left_out(tmp_path):
     assert sysid.read(path, map=mapping).lengths == data.lengths
     found = sysid.fit_joint(data)
     assert np.degrees(np.sqrt(found.fit.criteria.mse)) < 1.1 * NOISE
+
+
+@pytest.fixture(scope="module")
+def parts_of_a_log():
+    """A joint without load, in three parts of a log that begin while it moves."""
+    starts = ((0.0, 0.0), (-50.0, 6.0), (40.0, -5.0))  # place [deg], speed [deg/sample]
+    records = []
+    for k, (x0, v0) in enumerate(starts):
+        joint = Reference(gain=2.0, lag=4.0, rise=0.5, fall=0.9, delay=1.4, x0=x0, v0=v0)
+        records.append(record(joint, levels(300, 5.0, 20 + k), 1.0, 30 + k))
+    return IOData.merge(*records)
+
+
+def test_parts_of_a_log_may_begin_in_motion(parts_of_a_log):
+    found = sysid.fit_joint(parts_of_a_log)
+    assert np.sqrt(found.fit.criteria.mse) < 1.05 * NOISE
+    assert not {"motor.loss", "play.width"} & set(found.shown)  # friction differs by direction, and no load is there
+
+
+def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
+    """The level of the prior: with a speed of zero at the first samples of each part it was 150 times the noise."""
+    chain = actuated_joint(motor=joint_motor("none", "none"), knots=None, play=False)
+    chain = replace(chain, fixed={})
+    true = {"gain": 2.0, "lag": 4.0, "rise": 0.5, "fall": 0.9, "delay": 1.4}
+    start = [true.get(name.split(".")[1], 0.0) for name in chain.names]
+    fit = sysid.fit(chain, parts_of_a_log, start=start, search="lm", objective=sysid.Objective(knots=0))
+    assert colour_level(fit, parts_of_a_log) == pytest.approx(NOISE, rel=0.5)
 
 
 def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_inspected(tmp_path):
