@@ -211,17 +211,18 @@ class _Search:
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
         stretches, before = cut_at_rests(rough, plain.model), np.inf
         fit = self._round(full, points, stretches, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
-        level = colour_level(fit, stretches)
+        level = float(np.sqrt(fit.criteria.mse))
         for turn in range(_ROUNDS):
             shaken = places_around(fit, rough if turn else stretches, level, rng)
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
             fit = self._round(full, np.array([fit.theta, *shaken, *others]), rough, units, level)
-            level = colour_level(fit, rough)
+            level = min(level, float(np.sqrt(fit.criteria.mse)))
             scale = 0.5 * rough.N / level**2
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
         heights = scale * (np.array(fit.losses) - min(fit.losses))
+        level = colour_level(fit, rough)
         if k > 1:
             fit = self._over_whole_record(fit, k, level)
             level = colour_level(fit, self.data)

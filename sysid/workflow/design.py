@@ -27,6 +27,7 @@ from sysid.structures import ActuatedJoint
 from sysid.workflow.record import Record, read_record, with_places
 
 _SHORTEST_USE = 20  # samples: fewer are no motion
+_LITTLE = 0.05  # of the range of the inputs that are tried
 
 
 @dataclass(frozen=True)
@@ -142,9 +143,9 @@ def input_of_use(path: str, record: Record) -> np.ndarray:
 
 def _beyond(u: np.ndarray, experiment: Design, data: IOData) -> tuple[str, ...]:
     """A note where the input of use goes farther than the log and the experiment do."""
-    ends = [(float(np.min(x)), float(np.max(x))) for x in (u, np.concatenate([experiment.u, data.u[:, 0]]))]
-    (low, high), (least, most) = ends
-    if least <= low and high <= most:
+    tried = np.concatenate([experiment.u, data.u[:, 0]])
+    (low, high), (least, most) = ((float(np.min(x)), float(np.max(x))) for x in (u, tried))
+    if max(least - low, high - most) <= _LITTLE * (most - least):
         return ()
     unit = experiment.units[0]
     return (

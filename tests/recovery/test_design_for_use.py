@@ -1,6 +1,7 @@
 """Experiments for an input of use: what they are expected to bring by a fit to both records, and what they bring."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,8 @@ from sysid.joint.posterior import fit_joint
 from sysid.joint.use import add_parts_for_use
 from sysid.structures import actuated_joint
 from sysid.uncertainty.information import information
+from sysid.workflow.design import _beyond, input_of_use
+from sysid.workflow.record import read_record
 from twin.cli import main
 
 TS, NOISE = 0.1, np.deg2rad(0.2)
@@ -42,6 +45,12 @@ def drawn(excitation, N, seed):
 def off(fit, data):
     """Root mean square of the free run's distance from the joint without noise."""
     return float(np.std(JOINT.simulate(THETA, data.u[:, 0]) - np.ravel(fit.simulate(data))))
+
+
+def written(data, path):
+    rows = np.column_stack([np.arange(data.N) * TS, data.u[:, 0], np.degrees(data.y[:, 0])])
+    np.savetxt(path, rows, delimiter=",", header="time [s],u [V],angle [deg]", comments="", fmt="%.9g")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -96,9 +105,7 @@ def test_an_input_that_the_record_tells_already_is_no_reason_for_an_experiment(f
 def test_the_command_reads_an_input_of_another_sampling_time_and_shows_what_it_brings(first, tmp_path):
     data, _ = first
     log, use, out = tmp_path / "log.csv", tmp_path / "use.csv", tmp_path / "out"
-    t = np.arange(data.N) * TS
-    rows = np.column_stack([t, data.u[:, 0], np.degrees(data.y[:, 0])])
-    np.savetxt(log, rows, delimiter=",", header="time [s],u [V],angle [deg]", comments="", fmt="%.9g")
+    written(data, log)
     wanted = drawn(Aprbs(12.0), 300, 5)
     rows = np.column_stack([np.arange(600) * TS / 2, np.repeat(wanted, 2)])
     np.savetxt(use, rows, delimiter=",", header="time [s],u [V]", comments="", fmt="%.9g")
@@ -108,5 +115,24 @@ def test_the_command_reads_an_input_of_another_sampling_time_and_shows_what_it_b
     assert then < now
     assert summary["next"].split()[2] == str(log)
     assert (out / "figures/use.png").exists()
+    assert "beyond this the expected deviation is not tried" not in " ".join(summary["notes"])
     use.write_text("t,x\n0,1\n1,2\n")
     assert main(["design", str(log), "--for-use", str(use), "--out", str(out)]) != 0
+
+
+@pytest.mark.parametrize(
+    ("wanted", "found"), [(np.full(50, 3.0), "50 samples from 3 to 3"), (np.arange(3), "has 3 samples")]
+)
+def test_an_input_of_use_that_is_no_motion_is_refused(wanted, found, first, tmp_path):
+    record = read_record(written(first[0], tmp_path / "log.csv"))
+    with pytest.raises(InputError, match=found):
+        input_of_use(str(written(played(wanted, 0), tmp_path / "use.csv")), record)
+
+
+def test_a_note_says_where_the_input_of_use_goes_beyond_what_is_tried(first):
+    data, _ = first
+    tried = SimpleNamespace(u=np.array([-9.0, 8.0]), units=("V", "rad"))
+    largest = np.abs(data.u).max()
+    assert _beyond(np.array([-0.5, 0.9 * largest]), tried, data) == ()
+    (note,) = _beyond(np.array([-0.5, 20.0]), tried, data)
+    assert note.startswith("the input of use goes from -0.5 to 20 V")

@@ -13,6 +13,7 @@ from sysid.joint.full import colour_level
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
 from sysid.structures.actuated_joint import joint_motor
+from sysid.workflow.record import read_record
 from twin.cli import main
 
 TS, NOISE = 0.05, 0.1
@@ -142,6 +143,40 @@ def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
     start = [true.get(name.split(".")[1], 0.0) for name in chain.names]
     fit = sysid.fit(chain, parts_of_a_log, start=start, search="lm", objective=sysid.Objective(knots=0))
     assert colour_level(fit, parts_of_a_log) == pytest.approx(NOISE, rel=0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "cells", "reason"),
+    [
+        ("torque_enable", "0 0 0 0", "it is 0 throughout"),
+        ("enable", "0 1 2 2", "it holds 3 values"),
+        ("motor enabled", "on on off on", "it holds text"),
+        ("disabled", "0 0 1 1", "its name says that it is 0 then"),
+        ("enable,armed", "0,1 1,0 1,1 0,0", "so may"),
+        ("torque_enable", "1 1 1 1", ""),
+        ("enable_brake", "0 1 0 1", ""),
+        ("re_enable_count", "0 1 1 1", ""),
+    ],
+)
+def test_a_column_that_may_be_the_switch_and_is_not_is_told(name, cells, reason, tmp_path):
+    path, values = tmp_path / "log.csv", cells.split()
+    u, y = levels(240, 8.0, 3), np.cumsum(levels(240, 8.0, 3))
+    rows = [f"{k * TS:.3f},{u[k]:.3f},{y[k]:.3f},{values[k // 60]}" for k in range(240)]
+    path.write_text("\n".join([f"time [s],voltage [V],angle [deg],{name}", *rows]))
+    record = read_record(path)
+    assert record.data.lengths == (240,)
+    notes = [note for note in record.notes if "may say when the drive is on" in note]
+    assert [reason in note for note in notes] == ([True] if reason else [])
+
+
+def test_what_the_switch_leaves_out_is_counted(tmp_path):
+    on = np.ones(240, dtype=int)
+    on[50:100] = on[110:150] = 0
+    path, u = tmp_path / "log.csv", levels(240, 8.0, 3)
+    rows = [f"{k * TS:.3f},{u[k]:.3f},{np.sum(u[:k]):.3f},{on[k]}" for k in range(240)]
+    path.write_text("\n".join(["time [s],voltage [V],angle [deg],torque_enable", *rows]))
+    note = "the drive is on in 2 stretches and 1 shorter than 20 samples: 100 of 240 samples are left out"
+    assert note in read_record(path).notes
 
 
 def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_inspected(tmp_path):
