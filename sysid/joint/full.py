@@ -67,6 +67,11 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     return sub(replace(plain, fixed=fixed), tuple(blocks))
 
 
+def at_rest(chain: Chain) -> Chain:
+    """The joint with a motor that stands at the first sample, as in a record that is cut where it rests."""
+    return replace(chain, fixed={**chain.fixed, f"{motor_of(chain).role}.v0": 0.0})
+
+
 def _may_turn(chain: Chain, data: IOData) -> bool:
     """Whether a load may repeat every turn of the joint, and the record is long enough to show it."""
     if motor_of(chain).periodic or not _stroke(chain):
@@ -110,8 +115,11 @@ def with_turns(plain: Fit, data: IOData, cut: IOData, limit: Options, options: d
 def rough_posterior(
     plain: Fit, whole: IOData, data: IOData, level: float, limit: Options, options: dict[str, Any]
 ) -> Fit:
-    """The joint with every part from the usual values alone, for noise of deviation `level` [y], on `data`."""
-    full, units = full_joint(plain.model, whole), units_of(plain.model, plain.theta, whole)
+    """The joint with every part from the usual values alone, for noise of deviation `level` [y].
+
+    `data` are stretches of the record `whole`, which begin at rest.
+    """
+    full, units = at_rest(full_joint(plain.model, whole)), units_of(plain.model, plain.theta, whole)
     centres = {name: c for name, (c, _) in usual_values(full, units).items() if name not in plain.model.names}
     point = lift_theta(plain.model, plain.theta, full, centres)
     objective = joint_objective(full, units, level)

@@ -25,7 +25,7 @@ from sysid.joint.clock import Clock
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import choose_ends, present_ends, straight_for
 from sysid.joint.evidence import stop_tests
-from sysid.joint.full import PARTS, best_points, colour_level, full_joint, is_plain
+from sysid.joint.full import PARTS, at_rest, best_points, colour_level, full_joint, is_plain
 from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _LEADERS = 4  # starting points that are searched to the end
-_ROUNDS = 4  # over the whole record, at most
+_ROUNDS = 5  # over the whole record, at most
 _FIRST_LEVEL = 3.0  # of the noise in the first search, by the residuals of the plain joint
 _SAME = np.log(20.0)  # searches whose ends have a posterior within odds of 20 to 1 came to one joint
 _UNSEEN_LOSS = 3.0  # points of fit on unseen parts that a warning speaks of
@@ -210,7 +210,8 @@ class _Search:
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
         stretches, before = cut_at_rests(rough, plain.model), np.inf
-        fit = self._round(full, points, stretches, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
+        first = full if stretches is rough else at_rest(full)
+        fit = self._round(first, points, stretches, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
         level = float(np.sqrt(fit.criteria.mse))
         for turn in range(_ROUNDS):
             shaken = places_around(fit, rough if turn else stretches, level, rng)
@@ -221,8 +222,7 @@ class _Search:
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
-        heights = scale * (np.array(fit.losses) - min(fit.losses))
-        level = colour_level(fit, rough)
+        heights, level = scale * (np.array(fit.losses) - min(fit.losses)), colour_level(fit, rough)
         if k > 1:
             fit = self._over_whole_record(fit, k, level)
             level = colour_level(fit, self.data)
