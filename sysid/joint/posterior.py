@@ -214,7 +214,8 @@ class _Search:
         fit = self._round(first, points, stretches, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
         level = float(np.sqrt(fit.criteria.mse))
         for turn in range(_ROUNDS):
-            shaken = places_around(fit, rough if turn else stretches, level, rng)
+            last = rough if turn else stretches
+            shaken = places_around(fit, last, colour_level(fit, last), rng)
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
             fit = self._round(full, np.array([fit.theta, *shaken, *others]), rough, units, level)
             level = min(level, float(np.sqrt(fit.criteria.mse)))

@@ -43,7 +43,7 @@ def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator
     """Places (P,) around a fit to `data`: half with each value shaken, half drawn along what it hardly tells apart.
 
     Lag and delay, or a load and frictions that differ by direction, change together without a change of the output: a
-    step of one of them alone leads back to the same optimum. `level` [y]: as of `sysid.joint.prior.joint_prior`.
+    step of one of them alone leads back to the same optimum. `level` [y] of the noise: `sysid.joint.full.colour_level`.
     """
     info = information(fit, data, lags=None)
     root = info.factor[info.own] * level / np.sqrt(info.noise_variance)
