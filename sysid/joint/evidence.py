@@ -17,7 +17,7 @@ from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.breakaway import Breakaway, RestStart, breakaway, starts_from_rest
-from sysid.joint.physics import ends_of, travel_of, way_up
+from sysid.joint.physics import breakaway_over_place, ends_of, travel_of, way_up
 from sysid.joint.sampling import rate_needed, response_samples
 from sysid.joint.spread import END_REACH, Spread, spread_of
 from sysid.joint.stops import StopTest, noise_level, stop_test
@@ -104,9 +104,13 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     drives, places = ([a[::every] for a in series] for series in (drives, places))
     range_seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
     slack, tests = min(_play_width(chain, theta), END_REACH * range_seen), {}
+    volts = None if isinstance(motor_of(chain), ServoMotor) else breakaway_over_place(chain, theta)
     for name, way, end in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
         if np.isfinite(end):
-            tests[name] = stop_test(drives, places, every * data.Ts, end, noise, way, slack)
+            known = np.inf if volts is None else way * way_up(chain, theta) * volts(end, int(way))
+            tests[name] = stop_test(
+                drives, places, every * data.Ts, end, noise, way, slack, np.nan_to_num(known, nan=np.inf)
+            )
         elif travel_of(chain) is not None:
             farthest = way * max(float(np.max(way * y)) for y in places)
             tests[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)

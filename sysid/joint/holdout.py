@@ -77,10 +77,12 @@ def refit(chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = N
 
 
 def refit_with_cost(
-    chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = None, iterations: int = _ITERATIONS
+    chain: Chain, theta: np.ndarray, data: IOData, prior: Prior | None = None
 ) -> tuple[np.ndarray, float]:
     """The same and the sum of squared errors [y^2], those of the prior included."""
-    context = SearchContext(chain, data, Objective(prior=prior), "lm", Options(max_iterations=iterations).begun(), None)
+    context = SearchContext(
+        chain, data, Objective(prior=prior), "lm", Options(max_iterations=_ITERATIONS).begun(), None
+    )
     rows = [estimate_initial(chain, resting_theta(chain, theta), _first_samples(e)) for e in data.experiments]
     problem = set_curvature_weight(context, [context.problem(np.array(rows))])[0]
     outcome = context.iterate(problem, problem.start, context.options)

@@ -22,10 +22,12 @@ from sysid.joint.holdout import refit_with_cost
 from sysid.joint.physics import way_up
 from sysid.joint.prior import known_of, units_of, usual_values
 from sysid.joint.transfer import joint_information
+from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 
 _STRONG = 20.0  # odds
-_SEARCHED = 100  # iterations: to the end
+_SEARCHES = 12  # of a few iterations each
+_HOPE = 0.1  # of what strong odds have too much, that a search must bring to be worth a next one
 WORDS: dict[type, dict[str, str]] = {
     Motor: {
         "stick": "higher friction at rest upward",
@@ -127,10 +129,19 @@ class _Heights:
         with np.errstate(all="ignore"):
             moved = np.nan_to_num(self.cov[:, k] / self.cov[k, k]) * change[k]
             moved[k] = change[k]
-            starts = (np.clip(fit.theta + way, *held.limits) for way in (change, moved))
-            costs = [refit_with_cost(held, start, self.data, fit.prior, _SEARCHED)[1] for start in starts]
-            fall = (np.nanmin(costs) - self._best) / (2.0 * self._level**2)
-        return float(np.exp(np.clip(np.nan_to_num(fall, nan=0.0), -600.0, 600.0)))
+            ends = [self._searched(held, np.clip(fit.theta + way, *held.limits)) for way in (change, moved)]
+            theta, fall = min(ends, key=lambda end: end[1])
+            for _ in range(_SEARCHES):  # until the odds are not strong, or cannot become so any more
+                excess, before = fall - np.log(_STRONG), fall
+                theta, fall = self._searched(held, theta) if excess > 0.0 else (theta, fall)
+                if before - fall <= _HOPE * excess:
+                    break
+        return float(np.exp(np.clip(fall, -600.0, 600.0)))
+
+    def _searched(self, held: Chain, theta: np.ndarray) -> tuple[np.ndarray, float]:
+        """theta after a few iterations, and the logarithm of that ratio there."""
+        theta, cost = refit_with_cost(held, theta, self.data, self.fit.prior)
+        return theta, float(np.nan_to_num((cost - self._best) / (2.0 * self._level**2), nan=np.inf))
 
 
 def _odds(value: float, std: float, usual: float, spread: float) -> float:

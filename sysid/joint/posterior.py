@@ -30,7 +30,7 @@ from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
-from sysid.joint.sampling import chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
+from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.joint.starting_points import places_around, plays_of, starting_points
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
@@ -204,7 +204,7 @@ class _Search:
             return None
 
     def _best(self) -> tuple[Fit, int, int]:
-        """Over stretches first, then over the whole record, round by round until one brings nothing."""
+        """Over stretches, with k samples as one, round by round until one brings nothing; then over all samples."""
         plain, rough, k = self.plain, self.rough, self.k
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
@@ -223,17 +223,19 @@ class _Search:
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
-        heights, level = scale * (np.array(fit.losses) - min(fit.losses)), colour_level(fit, rough)
+        data, units = (
+            self.data,
+            units_of(chain_at_rate(plain.model, k), theta_at_rate(plain.model, plain.theta, k), self.data),
+        )
         if k > 1:
-            fit = self._over_whole_record(fit, k, level)
-            level = colour_level(fit, self.data)
-        return self._over_whole_record(fit, 1, level), int(np.sum(heights <= _SAME)), len(heights)
-
-    def _over_whole_record(self, fit: Fit, k: int, level: float) -> Fit:
-        """The fit over the whole record, from one with k samples as one."""
-        plain, times = self.plain, self.k
-        units = units_of(chain_at_rate(plain.model, times), theta_at_rate(plain.model, plain.theta, times), self.data)
-        return _at_rate(fit, self.data, k, self.options, joint_objective(chain_at_rate(fit.model, k), units, level))
+            at_rate = joint_objective(chain_at_rate(full, k), units, level)
+            fit = _at_rate(fit, data, k, self.options, at_rate)
+            places = places_around(fit, data, colour_level(fit, data), rng)
+            part, level = data.portion(2 * ENOUGH_SAMPLES), float(np.sqrt(fit.criteria.mse))
+            fit = self._round(fit.model, np.array([fit.theta, *places]), part, units, level)
+        heights = 0.5 * data.N / fit.criteria.mse * (np.array(fit.losses) - min(fit.losses))
+        fit = _at_rate(fit, data, 1, self.options, joint_objective(fit.model, units, colour_level(fit, data)))
+        return fit, int(np.sum(heights <= _SAME)), len(heights)
 
     def _round(self, chain: Chain, points: np.ndarray, data: IOData, units: dict[str, float], level: float) -> Fit:
         """The fit from the best of these points."""

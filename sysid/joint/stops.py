@@ -77,6 +77,7 @@ def stop_test(
     noise: float,
     outward: float = 1.0,
     slack: float = 0.0,
+    breakaway: float = np.inf,
 ) -> StopTest:
     """Whether the record u, y (N,) shows a stop at the place `end` [y]; several experiments are lists of arrays.
 
@@ -84,7 +85,7 @@ def stop_test(
     move it on by the trend of its speeds over voltage and place, and is never seen beyond. A rest by friction lacks the
     voltage, a turn lacks the rest, and a spring or a growing load lacks speed. outward: 1 for an upper, -1 for a lower
     end; noise [y]: its standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may
-    differ.
+    differ; breakaway [V]: outward voltage that would move the joint there, where a model tells it.
     """
     inputs, ys = ([np.ravel(a) for a in (x if isinstance(x, list | tuple) else [x])] for x in (u, y))
     way = outward * drive_sign(np.concatenate(inputs), np.concatenate(ys))
@@ -100,6 +101,8 @@ def stop_test(
     voltages, speed, place = (np.concatenate([part[k] for part in motions]) for k in range(3))
     moving = speed > least
     moves = _moving_voltage(voltages, moving)
+    if np.isfinite(moves):  # a sweep shows it late: the joint crosses its backlash, and answers after its delay
+        moves = min(moves, (1.0 + _VOLTAGE_MARGIN) * max(breakaway, 0.0))
     free = _FreeMotion(voltages[moving], speed[moving], place[moving])
     visits: list[Visit] = []
     for p, a in zip(pushes, places, strict=True):
