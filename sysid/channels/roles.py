@@ -312,15 +312,16 @@ def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, st
     if not likely:
         return None, ""
     name, column = likely[0], columns.get(likely[0])
-    values = len(np.unique(column.finite)) if column is not None else 0
+    levels = np.unique(column.finite) if column is not None else np.zeros(0)
     if len(likely) > 1:
         reason = f"so may {list_names(likely[1:])}"
     elif column is None:
         reason = "it holds text"
     elif headers[name].has({"disable", "disabled"}):
         reason = "its name says that it is 0 then"
-    elif values != 2 or column.finite.all():
-        reason = "it is 0 throughout" if values == 1 else f"it holds {values} values"
+    elif len(levels) != 2 or levels[0] != 0.0:
+        shown = f"{len(levels)} values" if len(levels) > 2 else " and ".join(f"{level:g}" for level in levels)
+        reason = f"it holds {shown}"
     else:
         return column, f"column {name!r} is 0 while the drive is off: what lies between is left out"
     return None, (

@@ -112,14 +112,16 @@ class Signals:
         stretches = self.driven
         if not stretches:
             name = self.mapping.range.drive
-            raise InputError(f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples; give a longer log")
+            raise InputError(
+                f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples in a row, so nothing is left; "
+                "give a longer part, or a table without this column where it is not the drive's switch"
+            )
         return IOData.merge(*(data.select(*stretch) for stretch in stretches))
 
     def _driven(self) -> list[tuple[int, int]]:
         """Stretches (start, stop) of samples in which the drive is on."""
         switch = next(s for s in self.other if s.column == self.mapping.range.drive)
-        size = np.abs(switch.values)  # between samples, and behind a filter, neither 0 nor 1
-        return runs((size > 0.5 * size.max()) & ~switch.missing)
+        return runs(switch.values > 0.5 * switch.values.max())  # between samples and behind a filter neither 0 nor 1
 
     @property
     def driven(self) -> list[tuple[int, int]]:
@@ -133,7 +135,8 @@ class Signals:
         all_, kept = self._driven(), self.driven
         left = self.N - sum(stop - start for start, stop in kept)
         short = f" and {len(all_) - len(kept)} shorter than {_SHORTEST_RUN} samples" if len(kept) < len(all_) else ""
-        return (f"the drive is on in {len(kept)} stretches{short}: {left} of {self.N} samples are left out",)
+        stretches = "1 stretch" if len(kept) == 1 else f"{len(kept)} stretches"
+        return (f"the drive is on in {stretches}{short}: {left} of {self.N} samples are left out",)
 
     def as_dict(self) -> dict[str, Any]:
         """File, mapping, units, notes and counts for a summary."""

@@ -53,6 +53,7 @@ class Course:
     noise: float = 0.0
     tops: dict[int, float] = field(default_factory=dict)
     pieces: list[np.ndarray] = field(default_factory=list)
+    _known_share: tuple[bytes, float] = field(default=(b"", 0.0), repr=False)
 
     @classmethod
     def of(
@@ -311,8 +312,12 @@ class Course:
 
     def _current_share(self) -> float:
         """Where the motor is now, as a share of the way."""
-        position = self._positions(self.theta, np.append(self.inputs(), self.resting_input))[-1]
-        return float(np.clip((position - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
+        inputs = np.append(self.inputs(), self.resting_input)
+        if self._known_share[0] != inputs.tobytes():
+            position = self._positions(self.theta, inputs)[-1]
+            share = float(np.clip((position - self.ends[0]) / (self.ends[1] - self.ends[0]), 0.0, 1.0))
+            self._known_share = inputs.tobytes(), share
+        return self._known_share[1]
 
     def _theta_at_rest(self, place: float, bare: bool = True) -> np.ndarray:
         """theta with the motor at rest at a share of the way, and no more friction there than in motion if `bare`."""

@@ -117,6 +117,7 @@ def design(
     complete: bool = False,
     to_stops: bool = False,
     use: np.ndarray | None = None,
+    until: float | None = None,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
@@ -126,10 +127,10 @@ def design(
     expected intervals what every model of a joint lacks. `to_stops`: the joint has a stop each way and may run into it;
     otherwise the input keeps it within the range of `data` where `data` shows no stop. `use` (N,), an input every
     `data.Ts`: the experiment is made of the parts for `targets`, and pieces of this input, that shrink the band of the
-    free run over it most for their time (`sysid.joint.use`), in samples of `data.Ts`, for a fit to both records. Raises
-    InputError for a fit
-    without a motor, an unknown target, a sampling time that does not suit, a joint that does not move under these
-    limits, and the errors of `sysid.joint_values`.
+    free run over it most for their time (`sysid.joint.use`), in samples of `data.Ts`, for a fit to both records; it has
+    those that are found `until` then (`time.monotonic`). Raises InputError for a fit without a motor, an unknown
+    target, a sampling time that does not suit, a joint that does not move under these limits, and the errors of
+    `sysid.joint_values`.
     """
     targets = tuple(targets)
     for name in targets:
@@ -153,7 +154,9 @@ def design(
         for _, run in parts:
             run()
     else:
-        for_use, added = add_parts_for_use(fit, data, use, course, parts, reading_noise(data))
+        for_use, added = add_parts_for_use(
+            fit, data, use, course, parts, reading_noise(data), np.inf if until is None else until
+        )
         work.phases[:] = [Phase(name, first, last, PURPOSES[name]) for name, first, last in added]
     u, y = course.inputs(), course.outputs()
     value_names = [name for target in targets for name in TARGETS[target]]

@@ -46,7 +46,8 @@ _CLEAR_MARGINS = (
 def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     """The joint with these end stops; `low` and `high` [y] are the outputs at 0 and 1 strokes.
 
-    Where a stop is left out, the output at that end of the linkage only sets the scale of a stroke, and is held.
+    Where a stop is left out, the output at that end of the linkage only sets the scale of a stroke, and is held; where
+    the linkage is, the motor's place is that of the output, and its middle the middle between them.
     """
     motor = motor_of(chain)
     if choice == "both":
@@ -58,6 +59,8 @@ def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
     held = {"lower": {"map.high": high}, "upper": {"map.low": low}}.get(choice, {"map.low": low, "map.high": high})
     if choice == "straight":
         straight = (TravelMap(2, role=travel.role),) if low > high else ()
+        fewer = fewer if straight else replace(fewer, at=0.5 * (low + high))
+        blocks = tuple(fewer if b is motor else b for b in chain.blocks)
         blocks = tuple(line for b in blocks for line in (straight if b is travel else (b,)))
         held = held if straight else {}
     return sub(chain, blocks, held)

@@ -5,6 +5,7 @@ takes (V-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, O
 one by one, each the one that lowers it most for its time; what a part tells is known from the fit to first order.
 """
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -21,6 +22,7 @@ from sysid.joint.transfer import joint_information
 from sysid.model.chain import Chain
 
 MOST_TIME = 600.0  # s of the rig
+_MOST_SAMPLES = 20_000  # of the experiment: each part is tried behind all of them
 _PIECE = 15.0  # s of the input of use that the rig plays as one part
 _PIECES = 6  # places in the input of use that are tried
 _ENOUGH = 1.0 / 3.0  # of a reading's noise: beside it such a deviation widens what is seen by a twentieth
@@ -86,31 +88,48 @@ class UseBand:
 
 
 def add_parts_for_use(
-    fit: Fit, data: IOData, u: np.ndarray, course: Course, parts: Sequence[tuple[str, Part]], noise: float
+    fit: Fit,
+    data: IOData,
+    u: np.ndarray,
+    course: Course,
+    parts: Sequence[tuple[str, Part]],
+    noise: float,
+    until: float = np.inf,
 ) -> tuple[Use, list[tuple[str, int, int]]]:
     """The experiment for the input u (N,) of use, added to the course; with the name and samples of each of its parts.
 
     `parts` add to the course; pieces of u itself are among those that are tried. It ends where the deviation over u is
-    small beside `noise` [y], where no part is worth its time, or after `MOST_TIME`. Raises InputError where no part is.
+    small beside `noise` [y], where no part is worth its time, after `MOST_TIME`, or at the time `until` of
+    `time.monotonic`. Raises InputError where no part is added.
     """
     band = UseBand(fit, data, u, course)
     candidates = [*parts, *(("use", piece) for piece in _pieces(u, course))]
     now, quantity = band.deviation(band.gathered), display_quantity("deviation", data.y_unit or "")
     steps, added = [(0.0, _mean(now))], list[tuple[str, int, int]]()
+    hopes = [np.inf] * len(candidates)  # what each was worth when it was last tried
     while steps[-1][1] > _ENOUGH * noise:
-        tried = [(name, run, *_gain(band, run, steps[-1][1])) for name, run in candidates]
-        name, run, worth, seconds = max(tried, key=lambda row: row[2])
-        if worth <= _WORTH / 60.0 or steps[-1][0] + seconds > MOST_TIME:
+        best, worth, length = -1, -np.inf, 0.0
+        for k in sorted(range(len(candidates)), key=lambda k: -hopes[k]):
+            if hopes[k] <= worth:  # a part is worth less the more is known (Minoux, Optimization Techniques 1978)
+                break
+            if time.monotonic() > until:
+                break
+            hopes[k], seconds = _gain(band, candidates[k][1], steps[-1][1])
+            if hopes[k] > worth:
+                best, worth, length = k, hopes[k], seconds
+        if worth <= _WORTH / 60.0 or steps[-1][0] + length > min(MOST_TIME, _MOST_SAMPLES * course.Ts):
             break
         first = course.N
-        run()
+        candidates[best][1]()
         band.gathered = band.gathers(first)
-        added.append((name, first, course.N))
+        added.append((candidates[best][0], first, course.N))
         steps.append((course.N * course.Ts, _mean(band.deviation(band.gathered))))
     if not added:
         off, enough = (number(value * quantity.factor, 2) for value in (steps[0][1], noise))
         known = f"little beside a reading, which is off by {enough}: the first record tells what this input needs"
         more = f"and no experiment of {MOST_TIME:.0f} s lowers it: allow larger --volts"
+        if time.monotonic() > until:
+            more = "and no experiment was found in the time; allow more --seconds"
         raise InputError(
             f"over the input of use the model is expected to be off by {off} {quantity.unit}, "
             f"{known if steps[0][1] <= _ENOUGH * noise else more}"

@@ -78,8 +78,13 @@ def _notes(e: Evaluation) -> list[str]:
 
 def _with_commands(text: str, record: Record) -> str:
     """The text with this record's file, and the options that read it, in the commands that it names."""
-    words = shlex.join([*map(str, record.files or (record.path,)), *record.options])
-    return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", lambda found: f"{found[1]} {words}", text)
+    files = [str(file) for file in record.files or (record.path,)]
+
+    def with_files(found: re.Match) -> str:
+        own = files[:1] if found[1].startswith("qpal design") else files  # of one log
+        return f"{found[1]} {shlex.join([*own, *record.options])}"
+
+    return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", with_files, text)
 
 
 def _no_joint(e: Evaluation) -> list[str]:

@@ -147,7 +147,8 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 def criteria_grid(evaluation: Evaluation) -> Grid:
     """Fit of both parts, and every criterion of the estimation data with its meaning."""
     c = evaluation.fit.criteria
-    unit = f" [{evaluation.estimation.y_unit}²]" if evaluation.estimation.y_unit else ""
+    unit = evaluation.estimation.y_unit
+    unit = f" [({unit})²]" if "/" in unit else f" [{unit}²]" if unit else ""
     rows = [
         ("fit, free run, validation data", percent(evaluation.validation_fit), "the whole output from only the input"),
         ("fit, free run, estimation data", percent(evaluation.estimation_fit), "the same on the estimation data"),

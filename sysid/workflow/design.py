@@ -1,6 +1,7 @@
 """From a log to the next experiment: a joint is fitted to the log, and an input is designed on the fit."""
 
 import shlex
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -89,7 +90,8 @@ def propose(
     volts: largest input [unit of u]. strike: largest speed, in the unit of the output's column per second. `to_stops`:
     it may run into stops that the log does not show. `use`: a file with the input that the joint will get, for which
     the experiment is designed (`sysid.joint.use`). `progress` is called before the fit, `heard` with a text after
-    each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design. Raises
+    each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design, and no
+    more parts for a use are sought. Raises
     InputError for limits that are not positive or longer samples than the log's, before any fit; for a file that is no
     log, a log that is not a joint's, and as `sysid.joint.design.design`.
     """
@@ -104,7 +106,7 @@ def propose(
     wanted = None if use is None else input_of_use(use, record)
     strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
-    data = ActuatedJoint().scale(record.data)
+    data, until = ActuatedJoint().scale(record.data), time.monotonic() + seconds if np.isfinite(seconds) else None
     found = fit_joint(data, seed=seed, progress=heard, seconds=seconds)
     judgement = verdict(found, data)
     if not judgement.joint:
@@ -114,7 +116,7 @@ def propose(
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = found.fit
-    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted)
+    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, until=until)
     if wanted is not None:
         experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data)))
     if found.stopped:

@@ -148,7 +148,9 @@ def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
 @pytest.mark.parametrize(
     ("name", "cells", "reason"),
     [
-        ("torque_enable", "0 0 0 0", "it is 0 throughout"),
+        ("torque_enable", "0 0 0 0", "it holds 0:"),
+        ("enable", "-1 0 0 -1", "it holds -1 and 0:"),
+        ("enable", "1 2 2 1", "it holds 1 and 2:"),
         ("enable", "0 1 2 2", "it holds 3 values"),
         ("motor enabled", "on on off on", "it holds text"),
         ("disabled", "0 0 1 1", "its name says that it is 0 then"),
