@@ -141,7 +141,7 @@ class _Heights:
     def _searched(self, held: Chain, theta: np.ndarray) -> tuple[np.ndarray, float]:
         """theta after a few iterations, and the logarithm of that ratio there."""
         theta, cost = refit_with_cost(held, theta, self.data, self.fit.prior)
-        return theta, float(np.nan_to_num((cost - self._best) / (2.0 * self._level**2), nan=np.inf))
+        return theta, float(np.nan_to_num((cost - self._best) / (2.0 * self._level**2), nan=0.0))
 
 
 def _odds(value: float, std: float, usual: float, spread: float) -> float:

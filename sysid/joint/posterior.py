@@ -223,13 +223,10 @@ class _Search:
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
-        data, units = (
-            self.data,
-            units_of(chain_at_rate(plain.model, k), theta_at_rate(plain.model, plain.theta, k), self.data),
-        )
+        data, at_rate = self.data, chain_at_rate(plain.model, k)
+        units = units_of(at_rate, theta_at_rate(plain.model, plain.theta, k), data)
         if k > 1:
-            at_rate = joint_objective(chain_at_rate(full, k), units, level)
-            fit = _at_rate(fit, data, k, self.options, at_rate)
+            fit = _at_rate(fit, data, k, self.options, joint_objective(chain_at_rate(full, k), units, level))
             places = places_around(fit, data, colour_level(fit, data), rng)
             part, level = data.portion(2 * ENOUGH_SAMPLES), float(np.sqrt(fit.criteria.mse))
             fit = self._round(fit.model, np.array([fit.theta, *places]), part, units, level)

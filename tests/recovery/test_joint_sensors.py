@@ -145,6 +145,18 @@ def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
     assert colour_level(fit, parts_of_a_log) == pytest.approx(NOISE, rel=0.5)
 
 
+def test_mid_stroke_is_the_middle_of_the_way_in_any_unit():
+    """Without a linkage it was 0.5 of the output's unit: half a degree, or half a radian."""
+    arm = Reference(lambda x: 0.8 * np.sin(np.deg2rad(x)), gain=1.5, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=35.0)
+    data = record(arm, levels(1200, 4.0, 5), 1.0, 6)
+    load = 0.8 * np.sin(np.deg2rad(0.5 * (data.y.min() + data.y.max())))
+    for unit, size in (("deg", 1.0), ("rad", np.pi / 180)):
+        fit = sysid.fit_joint(replace(data, y=data.y * size, y_unit=unit))
+        values = {v.name: v.value for v in joint_values(fit.fit, data=replace(data, y=data.y * size, y_unit=unit))}
+        assert values["coulomb_up"] == pytest.approx(1.0 + load, abs=0.06)
+        assert values["coulomb_down"] == pytest.approx(-1.2 + load, abs=0.06)
+
+
 @pytest.mark.parametrize(
     ("name", "cells", "reason"),
     [
