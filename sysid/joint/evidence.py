@@ -107,10 +107,9 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     volts = None if isinstance(motor_of(chain), ServoMotor) else breakaway_over_place(chain, theta)
     for name, way, end in zip(("end_low", "end_high"), (-1.0, 1.0), ends_of(chain, theta), strict=True):
         if np.isfinite(end):
-            known = np.inf if volts is None else way * way_up(chain, theta) * volts(end, int(way))
-            tests[name] = stop_test(
-                drives, places, every * data.Ts, end, noise, way, slack, np.nan_to_num(known, nan=np.inf)
-            )
+            known = np.nan if volts is None else way * way_up(chain, theta) * volts(end, int(way))
+            known = np.inf if np.isnan(known) else known
+            tests[name] = stop_test(drives, places, every * data.Ts, end, noise, way, slack, known)
         elif travel_of(chain) is not None:
             farthest = way * max(float(np.max(way * y)) for y in places)
             tests[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)
