@@ -20,6 +20,7 @@ from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import is_joint, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
+from sysid.joint.clock import Clock
 from sysid.joint.course import LONG, TOPS, Course
 from sysid.joint.evidence import reading_noise
 from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, weak_inputs
@@ -117,7 +118,7 @@ def design(
     complete: bool = False,
     to_stops: bool = False,
     use: np.ndarray | None = None,
-    until: float | None = None,
+    clock: Clock | None = None,
 ) -> Design:
     """The next experiment on the joint of `fit`, an `actuated_joint` fitted to `data`, for values of `TARGETS`.
 
@@ -128,7 +129,7 @@ def design(
     otherwise the input keeps it within the range of `data` where `data` shows no stop. `use` (N,), an input every
     `data.Ts`: the experiment is made of the parts for `targets`, and pieces of this input, that shrink the band of the
     free run over it most for their time (`sysid.joint.use`), in samples of `data.Ts`, for a fit to both records; it has
-    those that are found `until` then (`time.monotonic`). Raises InputError for a fit without a motor, an unknown
+    those that are found before the `clock` is late. Raises InputError for a fit without a motor, an unknown
     target, a sampling time that does not suit, a joint that does not move under these limits, and the errors of
     `sysid.joint_values`.
     """
@@ -154,9 +155,7 @@ def design(
         for _, run in parts:
             run()
     else:
-        for_use, added = add_parts_for_use(
-            fit, data, use, course, parts, reading_noise(data), np.inf if until is None else until
-        )
+        for_use, added = add_parts_for_use(fit, data, use, course, parts, reading_noise(data), clock or Clock())
         work.phases[:] = [Phase(name, first, last, PURPOSES[name]) for name, first, last in added]
     u, y = course.inputs(), course.outputs()
     value_names = [name for target in targets for name in TARGETS[target]]

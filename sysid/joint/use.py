@@ -5,7 +5,6 @@ takes (V-optimality: Atkinson, Donev and Tobias, Optimum Experimental Designs, O
 one by one, each the one that lowers it most for its time; what a part tells is known from the fit to first order.
 """
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -17,6 +16,7 @@ from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
+from sysid.joint.clock import Clock
 from sysid.joint.course import SHORT_OF, Course, stops_met
 from sysid.joint.transfer import joint_information
 from sysid.model.chain import Chain
@@ -94,13 +94,13 @@ def add_parts_for_use(
     course: Course,
     parts: Sequence[tuple[str, Part]],
     noise: float,
-    until: float = np.inf,
+    clock: Clock,
 ) -> tuple[Use, list[tuple[str, int, int]]]:
     """The experiment for the input u (N,) of use, added to the course; with the name and samples of each of its parts.
 
     `parts` add to the course; pieces of u itself are among those that are tried. It ends where the deviation over u is
-    small beside `noise` [y], where no part is worth its time, after `MOST_TIME`, or at the time `until` of
-    `time.monotonic`. Raises InputError where no part is added.
+    small beside `noise` [y], where no part is worth its time, after `MOST_TIME`, or when the `clock` is late. Raises
+    InputError where no part is added.
     """
     band = UseBand(fit, data, u, course)
     candidates = [*parts, *(("use", piece) for piece in _pieces(u, course))]
@@ -110,9 +110,8 @@ def add_parts_for_use(
     while steps[-1][1] > _ENOUGH * noise:
         best, worth, length = -1, -np.inf, 0.0
         for k in sorted(range(len(candidates)), key=lambda k: -hopes[k]):
-            if hopes[k] <= worth:  # a part is worth less the more is known (Minoux, Optimization Techniques 1978)
-                break
-            if time.monotonic() > until:
+            # A part is worth less the more is known (Minoux, Optimization Techniques 1978).
+            if hopes[k] <= worth or clock.late:
                 break
             hopes[k], seconds = _gain(band, candidates[k][1], steps[-1][1])
             if hopes[k] > worth:
@@ -128,7 +127,7 @@ def add_parts_for_use(
         off, enough = (number(value * quantity.factor, 2) for value in (steps[0][1], noise))
         known = f"little beside a reading, which is off by {enough}: the first record tells what this input needs"
         more = f"and no experiment of {MOST_TIME:.0f} s lowers it: allow larger --volts"
-        if time.monotonic() > until:
+        if clock.late:
             more = "and no experiment was found in the time; allow more --seconds"
         raise InputError(
             f"over the input of use the model is expected to be off by {off} {quantity.unit}, "

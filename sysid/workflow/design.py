@@ -1,7 +1,6 @@
 """From a log to the next experiment: a joint is fitted to the log, and an input is designed on the fit."""
 
 import shlex
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from sysid.channels.signals import resample_signals
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.formats import check_written, read_table, write_table
+from sysid.joint.clock import Clock
 from sysid.joint.design import Design, design
 from sysid.joint.posterior import fit_joint
 from sysid.joint.values import displayed_value
@@ -91,9 +91,8 @@ def propose(
     it may run into stops that the log does not show. `use`: a file with the input that the joint will get, for which
     the experiment is designed (`sysid.joint.use`). `progress` is called before the fit, `heard` with a text after
     each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design, and no
-    more parts for a use are sought. Raises
-    InputError for limits that are not positive or longer samples than the log's, before any fit; for a file that is no
-    log, a log that is not a joint's, and as `sysid.joint.design.design`.
+    more parts for a use are sought. Raises InputError for limits that are not positive or longer samples than the
+    log's, before any fit; for a file that is no log, a log that is not a joint's, and as `sysid.joint.design.design`.
     """
     for name, value in (("volts", volts), ("strike", strike), ("sample", sample)):
         if value is not None and not 0.0 < value < np.inf:
@@ -106,7 +105,7 @@ def propose(
     wanted = None if use is None else input_of_use(use, record)
     strike = None if strike is None else strike * convert(_column_unit(record)).factor
     progress()
-    data, until = ActuatedJoint().scale(record.data), time.monotonic() + seconds if np.isfinite(seconds) else None
+    data, clock = ActuatedJoint().scale(record.data), Clock(seconds)
     found = fit_joint(data, seed=seed, progress=heard, seconds=seconds)
     judgement = verdict(found, data)
     if not judgement.joint:
@@ -116,7 +115,7 @@ def propose(
             f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
         )
     fit = found.fit
-    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, until=until)
+    experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, clock=clock)
     if wanted is not None:
         experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data)))
     if found.stopped:

@@ -10,6 +10,7 @@ from often import often
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.excitations import Aprbs, Sweep
+from sysid.joint.clock import Clock
 from sysid.joint.course import Course
 from sysid.joint.design import design
 from sysid.joint.full import full_joint
@@ -99,7 +100,7 @@ def test_an_input_that_the_record_tells_already_is_no_reason_for_an_experiment(f
     data, fit = first
     course = Course.of(fit, data, 12.0, None, TS, to_stops=True)
     with pytest.raises(InputError, match="the first record tells what this input needs"):
-        add_parts_for_use(fit, data, data.u[:100, 0], course, [], noise=1.0)
+        add_parts_for_use(fit, data, data.u[:100, 0], course, [], noise=1.0, clock=Clock())
 
 
 def test_the_command_reads_an_input_of_another_sampling_time_and_shows_what_it_brings(first, tmp_path):

@@ -9,6 +9,8 @@ from motion import Reference
 
 import sysid
 from sysid.data.record import IOData
+from sysid.estimation.initial_state import with_initial_states
+from sysid.joint.evidence import stop_tests
 from sysid.joint.full import colour_level
 from sysid.joint.values import joint_values
 from sysid.structures import actuated_joint
@@ -17,6 +19,9 @@ from sysid.workflow.record import read_record
 from twin.cli import main
 
 TS, NOISE = 0.05, 0.1
+ARM_TS = 0.02
+ARM = {"gain": 0.2, "lag": 3.0, "rise": 1.0, "fall": 1.0, "stick": 0.3, "stick_speed": 0.02, "delay": 1.0, "x0": 5.0}
+ARM |= {"lower": -20.0, "upper": 20.0}
 
 
 def levels(N, largest, seed):
@@ -133,6 +138,35 @@ def test_parts_of_a_log_may_begin_in_motion(parts_of_a_log):
     found = sysid.fit_joint(parts_of_a_log)
     assert np.sqrt(found.fit.criteria.mse) < 1.05 * NOISE
     assert not {"motor.loss", "play.width"} & set(found.shown)  # friction differs by direction, and no load is there
+
+
+def test_a_search_begins_at_the_speed_of_the_first_readings():
+    chain = actuated_joint(motor=joint_motor("none", "none"), knots=None, play=False)
+    chain, k = replace(chain, fixed={}), np.arange(30.0)
+    ramps = [IOData(np.sin(k), start + pace * k, TS, u_unit="V", y_unit="deg") for start, pace in ((3, 2), (8, -0.5))]
+    thetas = with_initial_states(chain, np.ones(len(chain.names)), IOData.merge(*ramps))
+    np.testing.assert_allclose(thetas[:, chain.names.index("motor.v0")], [2.0, -0.5], rtol=1e-6)
+
+
+def with_backlash(y, width):
+    link = np.array(y)
+    for k in range(1, len(y)):
+        link[k] = np.clip(link[k - 1], y[k] - width / 2, y[k] + width / 2)
+    return link
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_rest_at_an_end_is_judged_by_the_voltage_that_moves_the_joint_there(sign):
+    """A sweep alone shows it late (2.5 and 2.1 V): the joint crosses its backlash, and answers after its delay."""
+    arm = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **ARM)
+    u = 3.8 * np.sin(2 * np.pi * np.arange(2000) * ARM_TS * (0.1 + 0.2 * np.arange(2000) / 2000))
+    y = with_backlash(arm.run(u), 0.8) + 0.1 * np.random.default_rng(4).standard_normal(len(u))
+    data = IOData(u, sign * y, ARM_TS, u_unit="V", y_unit="deg")
+    tests = stop_tests(sysid.fit_joint(data).fit, data)
+    low, high = (1.1 * (ARM["rise"] + ARM["stick"] + way * 0.4 * np.cos(np.deg2rad(20.0))) for way in (-1, 1))
+    low, high = (low, high) if sign > 0.0 else (high, low)
+    assert tests["end_low"].moves == pytest.approx(low, rel=0.1)
+    assert tests["end_high"].moves == pytest.approx(high, rel=0.1)
 
 
 def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
