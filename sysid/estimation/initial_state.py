@@ -143,9 +143,10 @@ def _on_map(chain: Chain, theta: np.ndarray, y: np.ndarray) -> np.ndarray:
     nearest = int(np.argmin(np.abs(curve - float(np.mean(y[:3])))))
     places = {slot.name: chain.index(motor).start + i for i, slot in enumerate(motor.slots())}
     rest[places["x0"]] = levels[nearest]
-    steps = np.gradient(curve, levels)
-    if chain.free[places["v0"]] and len(y) >= _PACE and steps[nearest] != 0.0:
-        rest[places["v0"]] = np.polyfit(np.arange(_PACE), y[:_PACE], 1)[0] / steps[nearest]
+    if chain.free[places["v0"]] and len(y) >= _PACE and levels[0] != levels[-1]:  # else y stands still
+        slope = np.gradient(curve, levels)[nearest]
+        if slope != 0.0:
+            rest[places["v0"]] = np.polyfit(np.arange(_PACE), y[:_PACE], 1)[0] / slope
     return rest
 
 

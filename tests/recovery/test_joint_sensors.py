@@ -143,9 +143,9 @@ def test_parts_of_a_log_may_begin_in_motion(parts_of_a_log):
 def test_a_search_begins_at_the_speed_of_the_first_readings():
     chain = actuated_joint(motor=joint_motor("none", "none"), knots=None, play=False)
     chain, k = replace(chain, fixed={}), np.arange(30.0)
-    ramps = [IOData(np.sin(k), start + pace * k, TS, u_unit="V", y_unit="deg") for start, pace in ((3, 2), (8, -0.5))]
+    ramps = [IOData(np.sin(k), y, TS, u_unit="V", y_unit="deg") for y in (3 + 2 * k, 8 - 0.5 * k, 5 + 0 * k)]
     thetas = with_initial_states(chain, np.ones(len(chain.names)), IOData.merge(*ramps))
-    np.testing.assert_allclose(thetas[:, chain.names.index("motor.v0")], [2.0, -0.5], rtol=1e-6)
+    np.testing.assert_allclose(thetas[:, chain.names.index("motor.v0")], [2.0, -0.5, 0.0], rtol=1e-6)
 
 
 def with_backlash(y, width):
