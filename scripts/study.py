@@ -6,13 +6,15 @@
 
 A study is a file in `scripts/studies`: its docstring, and `STUDY`, which names its cases, scores one of them and sums
 the scores up. With --out each score is a line of that journal as soon as its case ends, and a run that was stopped goes
-on with the cases that are missing. --json writes all scores as one document. Exit status 1 if a study says so.
+on with the cases that are missing. --json writes all scores as one document. Exit status 1 if a study says so, or if a
+case ended in an error, which is printed: the others go on.
 """
 
 import argparse
 import importlib
 import json
 import sys
+import traceback
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -90,14 +92,25 @@ def run(study: Study, options: argparse.Namespace) -> list[Row]:
         options.out.parent.mkdir(parents=True, exist_ok=True)
     rows = _known_rows([] if journal is None else journal.read(), settings)
     todo = [case for case in cases if case not in rows]
-    for k, score in results(partial(study.score, options=options), todo, options.workers, options.scheduler):
+    for k, score in results(partial(_scored, study.score, options), todo, options.workers, options.scheduler):
+        if isinstance(score, str):
+            print(f"{todo[k]} failed: {score}", file=sys.stderr, flush=True)
+            continue
         text = json.dumps({"case": todo[k], **score}, default=_plain)
         row = rows[todo[k]] = json.loads(text)
         if journal is not None:
             journal.append(json.dumps({"settings": settings, **row}))
         if study.line is not None:
             print(study.line(row), file=sys.stderr, flush=True)
-    return [rows[case] for case in dict.fromkeys(cases)]
+    return [rows[case] for case in dict.fromkeys(cases) if case in rows]
+
+
+def _scored(score: Callable[..., Row], options: argparse.Namespace, case: Case) -> Row | str:
+    """The score of a case; if it fails the error, so that one case does not end a study of hundreds."""
+    try:
+        return score(case, options)
+    except Exception:
+        return traceback.format_exc(limit=-3)
 
 
 def _known_rows(lines: Sequence[str], settings: dict[str, str]) -> dict[Case, Row]:
@@ -132,11 +145,14 @@ def main(arguments: Sequence[str]) -> int:
     study: Study = module.STUDY
     options = parser_of(study, arguments[0], module.__doc__ or "").parse_args(arguments[1:])
     rows = run(study, options)
-    summary = study.summary(rows, options)
+    failed = len({tuple(case) for case in study.cases(options)}) - len(rows)
+    summary = study.summary(rows, options) if rows else "no case has a score"
     print(summary if isinstance(summary, str) else json.dumps(summary, indent=2))
+    if failed:
+        print(f"{failed} cases failed, see above; the figures are without them")
     if options.json is not None:
         write_text(options.json, json.dumps(rows, indent=1) + "\n")
-    return int(study.fails is not None and study.fails(rows))
+    return int(failed > 0 or (study.fails is not None and study.fails(rows)))
 
 
 if __name__ == "__main__":

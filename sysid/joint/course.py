@@ -1,13 +1,13 @@
 """A voltage course over an identified joint: pieces of constant input, with what the joint does in between."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.estimation.joint_parts import motor_of
+from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import reading_noise, stop_tests
 from sysid.joint.physics import travel_of
@@ -32,6 +32,7 @@ SHORT_OF = 0.9  # of the way seen: where the joint may meet no end
 _SEEN = 6.0  # standard deviations of a reading that a pulse moves a joint by
 _RESTED = 8  # times lag and delay: a rest that shows an end
 _STICK = 0.7  # of the friction in motion: what a fit says of friction at rest beyond it is not believed
+_FAR = 3.0  # of the way: outside it no prediction is meant
 _BEYOND_RECORD = 0.3  # of the way seen: how far outside a stop may be that the joint may run into
 
 
@@ -106,6 +107,19 @@ class Course:
     def outputs(self) -> np.ndarray:
         """The predicted y (N,)."""
         return self._simulate(self.theta, self.inputs())
+
+    def joint(self) -> tuple[Chain, np.ndarray]:
+        """The joint that predicts y: that of the fit, with a stop far out where the prediction runs away."""
+        (low, high), places = self.ends, self.positions()
+        far = _FAR * (high - low)
+        inside = places.min() > low - far and places.max() < high + far
+        return (self.chain, self.theta) if inside else (self._stopped, self._with_stops(self.theta))
+
+    def sensitivity(self) -> np.ndarray:
+        """Derivatives (N, P) of the predicted y by the parameters of the chain."""
+        with np.errstate(all="ignore"):
+            J = self._stopped.tangent(self._with_stops(self.theta), self.inputs())[1]
+        return np.asarray(J[:, [self._stopped.names.index(name) for name in self.chain.names]])
 
     def positions(self) -> np.ndarray:
         """The predicted position of the motor (N,)."""
@@ -331,10 +345,23 @@ class Course:
     def _positions(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The motor's position (N,)."""
         k = self.chain.blocks.index(motor_of(self.chain))
-        return np.asarray(self.chain.signals(theta, u)[k + 1]).ravel()
+        return np.asarray(self._stopped.signals(self._with_stops(theta), u)[k + 1]).ravel()
 
     def _simulate(self, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
-        return np.asarray(self.chain.simulate(theta, u)).ravel()
+        return np.asarray(self._stopped.simulate(self._with_stops(theta), u)).ravel()
+
+    @cached_property
+    def _stopped(self) -> Chain:
+        """The joint with a stop each way, far out where the fit has none: the load of a fit may make it run away."""
+        motor = motor_of(self.chain)
+        blocks = tuple(replace(motor, stops=True) if block is motor else block for block in self.chain.blocks)
+        return sub(self.chain, blocks)
+
+    def _with_stops(self, theta: np.ndarray) -> np.ndarray:
+        role, (low, high) = motor_of(self.chain).role, self.ends
+        far = {f"{role}.lower": low - _FAR * (high - low), f"{role}.upper": high + _FAR * (high - low)}
+        own = dict(zip(self.chain.names, theta, strict=True))
+        return lift_theta(self.chain, theta, self._stopped, {name: own.get(name, end) for name, end in far.items()})
 
 
 def output_falls(fit: Fit) -> bool:

@@ -262,7 +262,7 @@ def _expected_values(
     fit: Fit, data: IOData, course: Course, targets: tuple[str, ...], complete: bool, both: bool
 ) -> tuple[tuple[JointValue, ...], list[str]]:
     """The values from a simulated record of the experiment, together with the first record if `both`."""
-    chain, theta, notes, u, y = course.chain, course.theta, [], course.inputs(), course.outputs()
+    (chain, theta), notes, u, y = course.joint(), list[str](), course.inputs(), course.outputs()
     if "backlash" in targets and not any(isinstance(b, Play | CoastingPlay) for b in chain.blocks):
         width = GUESSED_PLAY * float(np.ptp(data.y))
         place = len(chain.blocks) - (chain.blocks[-1].role == "sensor")

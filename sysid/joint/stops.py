@@ -106,7 +106,7 @@ def stop_test(
     free = _FreeMotion(voltages[moving], speed[moving], place[moving])
     visits: list[Visit] = []
     for p, a in zip(pushes, places, strict=True):
-        visits += _visits(p, a, end - margin, moves, free, noise)
+        visits += _visits(p, a, end - margin, moves, free, noise, np.isfinite(breakaway))
     rests = max((v.reading for v in visits), default=farthest)
     beyond = (
         farthest - end > margin or farthest - rests > _REST_TOLERANCE * noise + 0.5 * _SAME_PLACE * (high - low) + slack
@@ -211,9 +211,9 @@ def _moving_voltage(held: np.ndarray, moving: np.ndarray) -> float:
 
 
 def _visits(
-    push: np.ndarray, place: np.ndarray, near: float, moves: float, free: _FreeMotion, noise: float
+    push: np.ndarray, place: np.ndarray, near: float, moves: float, free: _FreeMotion, noise: float, load_known: bool
 ) -> list[Visit]:
-    """Rests above the place `near` under a voltage that moves the joint elsewhere."""
+    """Rests above the place `near` under a voltage that moves the joint elsewhere; `moves` allows for a known load."""
     visits: list[Visit] = []
     if not np.isfinite(moves):
         return visits
@@ -233,7 +233,7 @@ def _visits(
         usual = free.usual(level)
         if drift > visible_drift or half * usual < 2.0 * visible_drift:  # a slow motion may look like it
             continue
-        if free.trend(level, float(rest.mean())) < _AT_SPEED * usual:  # a load may hold it
+        if not load_known and free.trend(level, float(rest.mean())) < _AT_SPEED * usual:  # a load may hold it
             continue
         speed = _arrival(push, place, int(first), near, free)
         visits.append(Visit(int(first), int(last), float(rest.mean()), level, speed))

@@ -68,10 +68,7 @@ class UseBand:
 
     def gathers(self, first: int) -> np.ndarray:
         """Information (r, r) in units of the factor's columns with the course's samples from `first` on."""
-        chain = self.course.chain
-        with np.errstate(all="ignore"):
-            J = chain.tangent(self.course.theta, self.course.inputs())[1]
-        tells = _from_known_place(chain, J) @ self.factor / self.level
+        tells = _from_known_place(self.course.chain, self.course.sensitivity()) @ self.factor / self.level
         return self.gathered + tells[first:].T @ tells[first:]
 
     def deviation(self, gathered: np.ndarray) -> np.ndarray:

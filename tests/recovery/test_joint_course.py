@@ -146,3 +146,15 @@ def test_weak_inputs_and_a_way_without_an_end_are_told() -> None:
     assert "-2.20 and 2.20 V, are only 1.40 times" in weak[0].replace("−", "-")
     free = loose_design("none", to_stops=True)[3]
     assert any("leave --to-stops out if the joint has none" in note for note in free.notes)
+
+
+def test_a_prediction_that_runs_away_where_the_fit_has_no_stop_ends_far_out() -> None:
+    """Below the middle the load pulls down ever harder, and the joint's lower stop was not in its first record."""
+    chain = Chain((Motor(load=3, stops="upper", at=0.0, role="motor"),), "actuated_joint", {"motor.load0": 0.0})
+    theta = theta_of(chain, LOOSE | {"motor.load2": 7.0, "motor.lag": 0.1})
+    u = np.tile(np.repeat([12.0, -3.0, 0.0], [300, 120, 20]), 10)
+    y = chain.simulate(theta, u).ravel()
+    data = IOData(u, y + NOISE * np.random.default_rng(6).standard_normal(len(u)), TS, u_unit="V", y_unit="rad")
+    d = design(fit_chain(chain, data, start=theta, search="lm"), data, Ts=TS, to_stops=True)
+    assert not np.isfinite(chain.simulate(theta, d.u)).all()  # what nothing stops
+    assert np.isfinite(d.y).all()

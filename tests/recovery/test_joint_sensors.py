@@ -238,3 +238,14 @@ def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_ins
     assert data.y_unit == "rad/s"
     assert data.lengths == (25,) * 15
     assert main(["info", str(path), "--out", str(tmp_path / "info")]) == 0
+
+
+def test_a_sweep_against_both_ends_meets_both():
+    """A load that changes over the way does not hide the rests, since the model knows it; the ends are 40 deg apart."""
+    arm, k = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **ARM), np.arange(2000)
+    u = 3.8 * np.sin(2 * np.pi * k * ARM_TS * (0.1 + 0.2 * k / len(k)))
+    y = with_backlash(arm.run(u), 0.8) + 0.1 * np.random.default_rng(4).standard_normal(len(k))
+    data = IOData(u, y, ARM_TS, u_unit="V", y_unit="deg")
+    tests = stop_tests(sysid.fit_joint(data).fit, data)
+    assert all(test.met for test in tests.values())
+    assert abs(tests["end_high"].farthest - tests["end_low"].farthest - (40.0 - 0.8)) < 0.5
