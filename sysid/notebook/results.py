@@ -20,7 +20,7 @@ from sysid.notebook.poles import pole_table
 from sysid.plots.comparison import comparison
 from sysid.plots.records import record
 from sysid.plots.usual import usual
-from sysid.report.joint import rows
+from sysid.report.joint import PARTS_SAY, rows
 from sysid.selection.table import Selection
 from sysid.validation.compare import Comparison
 
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _NOTHING = 1e-12  # of the largest value: what rounding leaves of a mean that was removed
-PARTS_SAY = (
-    "What to see: a part whose interval is as wide as the usual range is not determined by the record; one far from 0 "
-    "is shown by it."
-)
 ROWS = 12
 
 

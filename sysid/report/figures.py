@@ -28,8 +28,8 @@ from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.responses import bode_figure, step_figure
 from sysid.plots.static_maps import Words, maps_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
+from sysid.report.joint import PARTS_SAY, values_figure
 from sysid.report.joint import parts_figure as joint_parts_figure
-from sysid.report.joint import values_figure
 from sysid.report.page import Picture
 from sysid.report.sections import one_step
 from sysid.report.verdict import shapes_in_words, tests_in_words
@@ -266,12 +266,8 @@ def _parts_figure(e: Evaluation) -> Figure:
 
 
 def _parts_caption(_: Evaluation) -> str:
-    """Explanation of the ranges."""
-    return (
-        "Parts of the joint: the usual range of each, before the record, and what the record makes of it. A part whose "
-        "interval is as wide as the usual range is not determined; one whose interval is far from 0 is shown by the "
-        "record. 0 is a joint without the part."
-    )
+    """What the colours say."""
+    return f"Parts of the joint. {PARTS_SAY}"
 
 
 def _residuals_figure(e: Evaluation) -> Figure:

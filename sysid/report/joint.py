@@ -11,13 +11,18 @@ from sysid.plots.usual import Row, usual_figure
 from sysid.report.sections import WORDS
 
 PARTS = {
-    "stick": "stick, upward",
-    "stick_down": "stick, downward",
-    "loss": "screw's loss",
-    "jam": "jam at stops",
+    "stick": "extra friction at rest, up",
+    "stick_down": "extra friction at rest, down",
+    "loss": "friction by load",
+    "jam": "jam at an end stop",
     "sag": "sagging supply",
     "width": "backlash",
 }
+PARTS_SAY = (
+    "What to see: an interval away from 0 is a part that the record shows; a short one at 0, a part that is absent. "
+    "One that fills the area of usual sizes tells no more than was known before. The words beside the names are the "
+    "verdict: 20 to 1 for the part, 20 to 1 against it, or neither (not determined)."
+)
 SHORT = {
     "speed_per_volt": "speed",
     "speed_full_drive": "speed",
@@ -55,7 +60,7 @@ def parts_figure(parts: Sequence[PartEvidence]) -> Figure:
 
 def rows(parts: Sequence[PartEvidence]) -> list[Row]:
     """The parts as rows of that figure."""
-    return [(PARTS.get(p.name.split(".")[-1], p.words), p.normals[1], p.normals[0]) for p in parts]
+    return [(PARTS.get(p.name.split(".")[-1], p.words), p.normals[1], p.normals[0], p.verdict) for p in parts]
 
 
 def _groups(values: Sequence[JointValue]) -> dict[tuple[str, bool], list[JointValue]]:

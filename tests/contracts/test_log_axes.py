@@ -81,10 +81,10 @@ def test_every_logarithmic_axis_is_made_in_one_place():
 
 
 def test_a_name_with_dollars_is_shown_as_it_is():
-    (axes,) = plots.usual([("a$b$", (0.3, 0.3), (0.5, 0.1))])
+    (axes,) = plots.usual([("a$b$", (0.3, 0.3), (0.5, 0.1), "shown")])
     style.png(axes)
     names = axes.get_yticklabels()
-    assert names[0].get_text() == "a$b$"
+    assert names[0].get_text() == "a$b$: shown by the record"
     assert not names[0].get_parse_math()
 
 

@@ -116,10 +116,17 @@ def test_several_channels_have_a_panel_each_and_experiments_a_border():
 
 def test_figures_of_the_parts_of_a_joint_and_of_a_comparison(joint, data, fit, linear, network):
     (axes,) = joint.plot().axes
-    assert [text.get_text() for text in axes.get_yticklabels()] == ["stick, upward", "screw's loss", "backlash"]
-    before, after = (line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 3)
-    np.testing.assert_allclose(before, [1.0, 0.2 / 0.3, 0.0])
-    np.testing.assert_allclose(after, [0.5 / 0.3, 0.0, 0.01 / 0.015])
+    assert [text.get_text() for text in axes.get_yticklabels()] == [
+        "extra friction at rest, up: shown by the record",
+        "friction by load: shown to be absent",
+        "backlash: not determined",
+    ]
+    values, largest = np.array([0.5, 0.0, 0.01]), np.array([0.3, 0.2, 0.0]) + 1.96 * np.array([0.3, 0.3, 0.015])
+    points = {line.get_ydata()[0]: line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata())}
+    np.testing.assert_allclose([points[k].get_xdata()[0] for k in range(3)], 100.0 * values / largest)
+    assert [points[k].get_color() for k in range(3)] == [style.MODEL, style.INPUT, style.SECOND]
+    with pytest.raises(sysid.InputError, match="choose one of shown, open, absent"):
+        plots.usual([("loss", (0.2, 0.3), (0.1, 0.1), "sure")])
     with pytest.raises(sysid.InputError, match="no part to draw"):
         replace(joint, parts=()).plot()
     (bars,) = sysid.compare(data, fit, linear, network).plot().axes

@@ -100,7 +100,7 @@ class Supply:
             ("plots.steady_state", "band"): intervals.steady_state(info), ("plots.simulated", "band"):
             bands.linear(info), ("pole_zero", "poles"): intervals.poles(info), ("pole_zero_map", "poles"):
             intervals.poles(info), ("static_curve", "curve"): curve, ("static_maps", "curves"): [curve],
-            ("plots.usual", "rows"): [("loss", (0.2, 0.3), (0.1, 0.1))],
+            ("plots.usual", "rows"): [("loss", (0.2, 0.3), (0.1, 0.1), "open")],
             ("Experiment.record", "shown"): board, ("merge", "records"): [data], ("sysid.compare", "fits"): [fit],
             ("from_pandas", "table"): data.to_pandas(), ("from_xarray", "table"): data.to_xarray(),
         }  # fmt: skip
