@@ -186,8 +186,7 @@ def _region(ax: Axes, item: Region) -> None:
 
 
 def _stems(ax: Axes, item: Stems) -> None:
-    outside = np.abs(item.y) > item.bound
-    for group, colour, name in ((~outside, style.INK, None), (outside, style.MODEL, "outside")):
+    for group, colour, name in ((~item.stand_out, style.INK, None), (item.stand_out, style.MODEL, "beyond chance")):
         if group.any():
             ax.vlines(item.x[group], 0.0, item.y[group], color=colour, linewidth=1.2)
             ax.plot(item.x[group], item.y[group], "o", color=colour, markersize=3, label=name)

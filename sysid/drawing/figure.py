@@ -118,11 +118,12 @@ class Region:
 
 @dataclass(frozen=True)
 class Stems:
-    """A bar from 0 to y at each x (n,); those beyond ±`bound` are told apart."""
+    """A bar from 0 to y at each x (n,); those that `stand_out` (n,) are told apart by colour."""
 
     x: np.ndarray
     y: np.ndarray
     bound: float
+    stand_out: np.ndarray
 
 
 @dataclass(frozen=True)

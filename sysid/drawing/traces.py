@@ -167,8 +167,7 @@ def _region(item: Region) -> Trace:
 
 
 def _stems(item: Stems) -> list[Trace]:
-    """Bars, inside and outside of the bound."""
-    outside = np.abs(item.y) > item.bound
+    """Bars, those that stand out last."""
     return [
         {
             "type": "bar",
@@ -178,7 +177,10 @@ def _stems(item: Stems) -> list[Trace]:
             "hovertemplate": f"lag %{{x}} samples<br>correlation %{{y:.3f}}<br>bound ±{item.bound:.3f}<extra></extra>",
             **_legend_entry(name),
         }
-        for group, colour, name in ((~outside, style.INK, "inside"), (outside, style.MODEL, "outside"))
+        for group, colour, name in (
+            (~item.stand_out, style.INK, "by chance"),
+            (item.stand_out, style.MODEL, "beyond chance"),
+        )
     ]
 
 

@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 @checked(deferred=("axes",))
 def residual_tests(tests: ResidualTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Whiteness and independence. Bars outside the bound at small positive lags: missing dynamics or delay."""
+    """Whiteness and independence. Red bars at small positive lags: missing dynamics or delay."""
     return draw(residuals_figure(tests), axes)
 
 
 @checked(deferred=("axes",))
 def higher_order_tests(tests: HigherOrderTests, axes: Sequence[Axes] | None = None) -> list[Axes]:
-    """Three correlations that are zero for a complete model. Bars outside: the model is incomplete, see `advice`."""
+    """Three correlations that are zero for a complete model. Red bars: it is incomplete, see `advice`."""
     panels = [
-        _panel(t.lags, t.correlation, t.bound, t.level, f"{t.name}: {'passed' if t.passed else 'failed'}")
+        _panel(t.lags, t.correlation, t.bound, t.level, t.passed, f"{t.name}: {'passed' if t.passed else 'failed'}")
         for t in tests.tests
     ]
     return draw(Figure(panels, height=6.4), axes)
@@ -37,16 +37,22 @@ def residuals_figure(tests: ResidualTests) -> Figure:
     white, independent = tests.verdicts
     title, cross_title = f"residuals with themselves: {white}", f"residuals with the input; {independent}"
     # Lag 0 of the residuals with themselves is 1 by definition.
-    auto = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, title)
-    cross = _panel(tests.cross_lags, tests.cross_correlation, tests.independence_bound, tests.level, cross_title)
+    auto = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, tests.white, title)
+    bound, passed = tests.independence_bound, tests.independent
+    cross = _panel(tests.cross_lags, tests.cross_correlation, bound, tests.level, passed, cross_title)
     return Figure([auto, cross], shared=False, height=4.6, lettered=True)
 
 
-def _panel(lags: np.ndarray, r: np.ndarray, bound: float, level: float, title: str) -> Panel:
-    """Correlations over their lags [samples], with the bound for one of them."""
+def _panel(lags: np.ndarray, r: np.ndarray, bound: float, level: float, passed: bool, title: str) -> Panel:
+    """Correlations over their lags [samples], with the bound for one of them.
+
+    Where the test failed, those outside the bound stand out; all of them where only all together are too large.
+    """
+    outside = (np.abs(r) > bound) & (not passed)
     limit = bound if np.isfinite(bound) else 0.0
     bottom, top = (1.25 * max(float((sign * r).max(initial=0.0)), limit, 1e-9) for sign in (-1.0, 1.0))
     area = Span(-limit, limit, upright=False, label=f"{100 * level:g} % bound for one lag")
     y = Axis("correlation [1]", "correlation", limits=(-bottom, top))
     x = Axis("lag [samples]", limits=(min(0.0, float(lags[0]) - 0.5), float(lags[-1]) + 0.5) if len(lags) else None)
-    return Panel([area, Stems(lags, r, bound), Rule(0.0, upright=False)], y, x, title)
+    stems = Stems(lags, r, bound, outside if passed or outside.any() else ~outside)
+    return Panel([area, stems, Rule(0.0, upright=False)], y, x, title)

@@ -280,7 +280,8 @@ def _residuals_caption(e: Evaluation) -> str:
     """Both test results and their meaning."""
     assert e.tests is not None
     kind = "one step ahead" if one_step(e) else "of the free run"
-    return f"Tests of the validation residuals {kind}. {tests_in_words(e)} {e.tests.rule}"
+    see = "What to see: red bars are beyond chance; a test that is passed has none."
+    return f"Tests of the validation residuals {kind}. {tests_in_words(e)} {see} {e.tests.rule}"
 
 
 TABLE: dict[str, ReportFigure] = {

@@ -45,9 +45,9 @@ def test_a_rule_and_a_span_stand_at_the_same_places():
     assert (span.x0, span.x1) == (0.25, 0.75)
 
 
-def test_stems_beyond_the_bound_are_told_apart_in_both():
+def test_stems_that_stand_out_are_told_apart_in_both():
     y = np.array([1.0, -0.1, -0.6])
-    ax, zoom = drawn(Stems(X, y, 0.5))
+    ax, zoom = drawn(Stems(X, y, 0.5, np.abs(y) > 0.5))
     assert [list(line.get_ydata()) for line in ax.lines] == [[-0.1], [1.0, -0.6]]
     assert [list(trace.y) for trace in zoom.data] == [[-0.1], [1.0, -0.6]]
 

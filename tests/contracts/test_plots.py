@@ -298,11 +298,20 @@ def test_bars_of_residuals_leave_out_lag_zero_and_colour_those_outside():
     top, bottom = plots.residual_tests(tests)
     lags = np.concatenate([line.get_xdata() for line in top.lines if line.get_marker() == "o"])
     assert sorted(lags) == list(range(1, 26))
-    outside = next(line for line in top.lines if line.get_label() == "outside")
+    outside = next(line for line in top.lines if line.get_label() == "beyond chance")
     assert len(outside.get_xdata()) == tests.whiteness_outside > 0
     assert top.get_title("left").endswith("coloured")
     assert tests.verdicts[1] in str(plotly(residuals_figure(tests))["layout"])
     assert bottom.get_title("left").endswith(f"all lags together: independent (p = {tests.independence_p:.2g})")
+    assert not [line for line in bottom.lines if line.get_label() == "beyond chance"]
+
+
+@pytest.mark.parametrize(("p", "size", "red"), [(0.5, 0.2, 0), (0.0, 0.2, 1), (0.0, 0.01, 51)])
+def test_red_bars_of_residuals_with_the_input_stand_where_the_words_say_that_they_depend_on_it(p, size, red):
+    tests = sysid.residual_tests(*np.random.default_rng(3).normal(size=(2, 500)))
+    tests = replace(tests, cross_correlation=np.where(tests.cross_lags == 3, size, 0.01), independence_p=p)
+    _, bottom = plots.residual_tests(tests)
+    assert sum(len(line.get_xdata()) for line in bottom.lines if line.get_label() == "beyond chance") == red
 
 
 def test_steady_state_and_gain_are_shown_in_degrees(case):
