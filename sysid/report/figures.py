@@ -237,19 +237,27 @@ def _maps_figure(e: Evaluation) -> Figure:
 
 
 def _maps_caption(e: Evaluation) -> str:
-    """The names and the scale of the maps."""
+    """The names, what to see, and the scale of the maps."""
+    see = "What to see: on a straight stretch the block is linear; on a level one it passes no change on."
     scale_words = (
         "Only the shape has a meaning: a gain can move between a map and the linear block without changing the model."
     )
-    if not e.linear:
-        scale_words = "The linkage's map runs from 0 at one end of the actuator's stroke to 1 at the other."
-    elif any(curve.scale == NORMALISED for curve in bands(e).maps):
+    if not e.linear:  # a joint, whose linkage is "map"
+        scale_words = ""
+    if "map" in e.maps:
+        see = (
+            "What to see: where the line is steep, the joint turns far for each stroke of its actuator, and its load "
+            "weighs more on the motor; a straight line is a constant gear."
+        )
+        scale_words = "The actuator's stroke runs from 0 at one end stop to 1 at the other."
+    elif e.linear and any(curve.scale == NORMALISED for curve in bands(e).maps):
         scale_words += (
             " A signal between the blocks is therefore shown with the mean and deviation of the signal outside; on the "
             "dashed diagonal a map would change nothing."
         )
     names = " and ".join(role.replace("map", "linkage") for role in e.maps)
-    return " ".join([f"Static {names} map over the range of the estimation data.", *shapes_in_words(e), scale_words])
+    words = [f"Static {names} map over the range of the estimation data.", see, *shapes_in_words(e), scale_words]
+    return " ".join(words).strip()
 
 
 def _values_caption(e: Evaluation) -> str:

@@ -87,6 +87,7 @@ def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
     names = {path.stem for path in (out / "figures").iterdir()}
     assert {"free-run", "residuals", "static-maps"} <= names
     assert not names & {"pole-zero", "step-response"}
+    assert "where the line is steep, the joint turns far for each stroke" in html
 
 
 def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
