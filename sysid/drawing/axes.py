@@ -118,7 +118,7 @@ def _set_axes(ax: Axes, panel: Panel, view: View | None) -> None:
         if panel.y.limits is None:
             ax.set_ylim(len(panel.y.names) - 0.4, -0.6)
         if not panel.x.log and panel.x.limits is None:
-            ax.xaxis.set_major_locator(MaxNLocator(5))
+            ax.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))  # numbers that are read at once
     if panel.y.near is not None:
         spread_axis(ax, panel.y.near, *_values(panel))
     if panel.x.tight:

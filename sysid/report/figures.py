@@ -264,7 +264,10 @@ def _values_caption(e: Evaluation) -> str:
     """What the points are, and whether some are open."""
     some = any(v.low is None for v in distinct_values(e.values))
     doubt = " An open point is a number of the model that the record does not determine." if some else ""
-    return f"Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke.{doubt}"
+    return (
+        "Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke, with the load. "
+        f"What to see: the shorter the bar, the better the record knows the value.{doubt}"
+    )
 
 
 def _parts_figure(e: Evaluation) -> Figure:

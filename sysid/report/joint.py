@@ -24,20 +24,20 @@ PARTS_SAY = (
     "verdict: 20 to 1 for the part, 20 to 1 against it, or neither (not determined)."
 )
 SHORT = {
-    "speed_per_volt": "speed",
-    "speed_full_drive": "speed",
+    "speed_per_volt": "speed per volt",
+    "speed_full_drive": "speed at full drive",
     "breakaway_up": "break-away up",
     "breakaway_down": "break-away down",
-    "coulomb_up": "moving up",
-    "coulomb_down": "moving down",
-    "moving_friction_up": "moving up",
-    "moving_friction_down": "moving down",
-    "end_low": "lower end",
-    "end_high": "upper end",
+    "coulomb_up": "friction, moving up",
+    "coulomb_down": "friction, moving down",
+    "moving_friction_up": "friction, moving up",
+    "moving_friction_down": "friction, moving down",
+    "end_low": "lower end stop",
+    "end_high": "upper end stop",
     "time_constant": "time constant",
     "lag_and_delay": "lag + delay",
 }
-COLUMNS = 3  # more beside each other leave no room for the names
+COLUMNS = 2  # more beside each other leave no room for the names
 
 
 def values_figure(values: Sequence[JointValue]) -> Figure:

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -172,13 +173,30 @@ def test_a_backlash_has_an_axis_of_its_own_and_open_points_are_explained():
         play = JointValue("backlash", 0.006, low, high, "rad", width is not None)
         drawn = draw(values_figure((*ends, play)))
         names = [[tick.get_text() for tick in ax.get_yticklabels()] for ax in drawn]
-        assert names == [["lower end", "upper end"], ["backlash"]]
+        assert names == [["lower end stop", "upper end stop"], ["backlash"]]
         left, right = drawn[1].get_xlim()
         assert np.degrees(0.004) < left < np.degrees(0.006) < right < np.degrees(0.008)
         (legend,) = drawn[0].figure.legends
         assert [text.get_text() for text in legend.get_texts()] == ["value, 95 % interval", "not determined"][
             : 2 if width is None else 1
         ]
+
+
+def test_the_numbers_of_physical_values_stand_apart_and_are_round():
+    rows = (("speed_per_volt", 12.75, 0.33, "deg/s/V"), ("backlash", 0.1282, None, "deg"), ("delay", 0.017, 0.005, "s"))
+    values = [JointValue(name, x, half and x - half, half and x + half, unit) for name, x, half, unit in rows]
+    drawn = draw(values_figure((*values, JointValue("breakaway_up", 2.92, 2.59, 3.26, "V"))))
+    figure = drawn[0].figure
+    FigureCanvasAgg(figure).draw()
+    for ax in drawn:
+        ticks = [
+            tick for tick in ax.get_xticklabels() if ax.get_xlim()[0] <= tick.get_position()[0] <= ax.get_xlim()[1]
+        ]
+        boxes = [tick.get_window_extent() for tick in ticks]
+        assert len(boxes) > 1
+        assert all(a.x1 + 8.0 < b.x0 for a, b in pairwise(boxes))
+        step = ticks[1].get_position()[0] - ticks[0].get_position()[0]
+        assert f"{step:.0e}"[0] in "125"
 
 
 @pytest.mark.parametrize(

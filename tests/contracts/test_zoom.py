@@ -334,7 +334,7 @@ def test_bands_hold_their_curves(figures):
 
 
 def test_values_have_intervals_in_degrees_and_open_points_say_why(figures):
-    points = [t for t in figures["values"]["data"] if "lower end" in t["y"]]
+    points = [t for t in figures["values"]["data"] if "lower end stop" in t["y"]]
     (low,) = points
     assert low["x"][0] == pytest.approx(-0.5 * DEG)
     assert low["error_x"]["array"][0] == pytest.approx(0.01 * DEG)
