@@ -312,7 +312,8 @@ class Motor(Recursion):
                 place = self.at + side * last
                 return [
                     f"beyond {place:.4g} the load drives the {self.role} away from any input of this record, and the "
-                    f"run gets to {self.at + side * distance:.3g}: give the motor a stop, or a spring or periodic load"
+                    f"run gets to {self.at + side * distance:.3g}: give the motor an end stop, or a spring or periodic "
+                    "load"
                 ]
         return []
 

@@ -162,7 +162,7 @@ class _Parts:
                 f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss"
             )
         if value["jam"] > 0.0:
-            sentences.append("jamming at a struck stop")
+            sentences.append("jamming at a struck end stop")
         if self.motor.sided:
             sentences.append("friction at rest that differs by direction: its mean is in lugre")
         sentences += [TABLE[part].words for part in self.motor.further]
@@ -171,11 +171,11 @@ class _Parts:
         if len(self.motor.ends) == 1:
             missing_side = "upper" if self.motor.ends == ("lower",) else "lower"
             sentences.append(
-                f"the {missing_side} stop, which the fit does not know: give the joint a range of your own"
+                f"the {missing_side} end stop, which the fit does not know: give the joint a range of your own"
             )
         if isinstance(self.play, CoastingPlay):
             sentences.append(
-                "the flight of the link within its play: the inertia and weight of your link take its place"
+                "the flight of the link within its backlash: the inertia and weight of your link take its place"
             )
         exportable = (Motor, TravelMap, Play, CoastingPlay)
         for block in chain.blocks:

@@ -316,7 +316,7 @@ class Course:
             n *= 2
         raise InputError(
             f"the joint does not cross its way at an input of {level:.4g}; allow larger inputs or speeds, or record "
-            "one way from end to end first"
+            "one way from end stop to end stop first"
         )
 
     def target_position(self, way: int, place: float) -> float:

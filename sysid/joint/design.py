@@ -34,7 +34,7 @@ TARGETS = {
     "backlash": ("backlash",),
 }
 PURPOSES = {
-    "ends": "from end to end at different levels",
+    "ends": "from one end stop to the other at different levels",
     "breakaway": "pulses from rest, each a little larger, until the joint starts",
     "backlash": "slow reversals: the drive crosses the backlash before the link follows",
     "use": "a piece of the input of use itself",

@@ -14,7 +14,8 @@ _ADVICE = re.compile(r"[:;] (?:record|reverse|sample) ")
 _WIDER = 1.3  # times the interval of the first record
 _STRONG_INPUT = 1.7  # of the friction in motion: inputs that start most joints
 _WORDS = {
-    **{"end_low": "the lower end", "end_high": "the upper end", "speed_per_volt": "the speed per volt"},
+    **{"end_low": "the lower end stop", "end_high": "the upper end stop"},
+    **{"speed_per_volt": "the speed per volt"},
     **{"breakaway_up": "the break-away voltage up", "breakaway_down": "the break-away voltage down"},
     **{"backlash": "the backlash"},
 }
@@ -30,8 +31,8 @@ def unseen_ends(course: Course, data: IOData) -> list[str]:
             continue
         place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
         sentences.append(
-            f"the first record shows no {name} end, and the input keeps the joint away from {place}, where it was "
-            "farthest; if the joint has a stop there and may run into it, add --to-stops"
+            f"the first record shows no {name} end stop, and the input keeps the joint away from {place}, where it was "
+            "farthest; if the joint has one there and may run into it, add --to-stops"
         )
     if not course.may_meet[-1]:  # else the experiment begins with a run to that end
         start = f"{number(float(y[0, 0]) * unit.factor, 4)} {unit.unit}".rstrip()
@@ -84,7 +85,8 @@ def distant_prediction(course: Course, y: np.ndarray, data: IOData) -> list[str]
         return []
     place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
     return [
-        f"the prediction goes to {place}: the first fit has no stop there; leave --to-stops out if the joint has none"
+        f"the prediction goes to {place}: the first fit has no end stop there; leave --to-stops out if the joint "
+        "has none"
     ]
 
 

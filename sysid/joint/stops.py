@@ -141,7 +141,7 @@ class _FreeMotion:
 def _missing_evidence(test: StopTest, beyond: bool) -> str:
     """Why no stop is shown; '' if one is."""
     if not np.isfinite(test.moves):
-        return "no voltage moves the joint elsewhere, so a rest shows no stop"
+        return "no voltage moves the joint elsewhere, so a rest shows no end stop"
     if not test.visits:
         return "the joint never rests there against a voltage that moves it elsewhere"
     if beyond:

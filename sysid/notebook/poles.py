@@ -131,4 +131,4 @@ def _next(fit: Fit, data: IOData | None) -> str:
         return "Next: sysid.select(data).fit, which tries other structures and orders."
     raw = "sysid.data.preprocess.retrend(data)" if data.u_offset.any() or data.y_offset.any() else "data"
     call = f"sysid.fit(sysid.structures.actuated_joint(), {raw})"
-    return f"Next: {call}, because the output rests at its ends and this model has no end stops; or sysid.select(data)."
+    return f"Next: {call}, because the output rests at end stops and this model has none; or sysid.select(data)."

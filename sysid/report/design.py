@@ -24,7 +24,7 @@ def page(result: Proposal, file: str) -> Page:
     d = result.design
     caption = (
         "Input, and the output that the first fit predicts. The bands are the parts of the experiment. The position of "
-        "the real joint may differ, so before every slow part the input drives it to an end, if one is known."
+        "the real joint may differ, so before every slow part the input drives it to an end stop, if one is known."
     )
     data = result.record.data
     picture = Picture.of("experiment", experiment_figure(d, data.u_name, data.y_name), caption)
@@ -49,7 +49,7 @@ def sentences(result: Proposal, file: str) -> list[str]:
         f"Apply the input in {file} ({d.duration:.0f} s, up to {largest}) to the joint, and record input and output "
         f"every {d.Ts:g} s. Then identify the new record: {result.command}.",
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
-        f"end. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
+        f"end stop. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
         *([] if d.use is None else [_use_sentence(d)]),
         *(f"{capital(note)}." for note in d.notes),
     ]

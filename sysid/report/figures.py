@@ -202,7 +202,7 @@ WORDS: dict[str, Words] = {  # by role: title, signal before the map, signal aft
     "middle": ("middle map", "into the map", "out of the map"),
     "driver": ("driver map", "input u", "motor voltage"),
     "map": ("linkage", "actuator's position [strokes]", "output y"),
-    "sensor": ("sensor map", "behind play and linkage", "output y"),
+    "sensor": ("sensor map", "behind linkage and backlash", "output y"),
 }
 SCALED: dict[str, Words] = {  # the same where the record gives the scale of the signal between the blocks
     "input": ("input map", "input u", "out of the map, on the scale of u"),

@@ -8,6 +8,10 @@ _INTERVAL = (
     "range that holds the true value in 95 of 100 records of this kind, if the structure of the model is that of the "
     "system"
 )
+_END = (
+    "place of the drive at its end stop, in the unit of the output; a joint with backlash rests half of it inside "
+    "where the drive pushes it there, and up to half of it beyond where it coasts on"
+)
 TERMS = {
     # fits and criteria
     "fit": "100 % is exact, 0 % is as good as the constant mean of the output, below 0 % is worse than that constant",
@@ -55,20 +59,19 @@ TERMS = {
     "voltage for friction and load, moving down": "voltage that friction and load take while the joint moves down",
     "moving friction up, with load": "voltage that friction and load take while the joint moves up",
     "moving friction down, with load": "voltage that friction and load take while the joint moves down",
-    "lower end": "output at which the joint meets its lower stop",
-    "upper end": "output at which the joint meets its upper stop",
-    "backlash": "free play between drive and link: the way that the drive moves before the link follows",
+    "lower end stop": _END,
+    "upper end stop": _END,
+    "backlash": "gap between drive and link: the way that the drive moves before the link follows",
     "delay": "time from a change of the input to the first response",
     "time constant + delay": "the two together, which the record determines better than each alone",
-    "ends of travel": "angles of the two mechanical stops",
-    "ends": "angles of the two mechanical stops",
+    "end stops": "angles of the drive at its two end stops",
     "break-away voltage, down / up": "smallest voltage that starts the joint from rest",
-    "breakaway": "smallest voltage that starts the joint from rest",
+    "break-away voltage": "smallest voltage that starts the joint from rest",
     "dead band of the drive": "voltage below which the driver gives the motor nothing",
     "delay of the command": "time from a command to the motor's voltage",
     "time constant of the lag": "time after which the speed has reached 63 % of its final value",
     "gain": "change of the output, or of its speed, for one unit of the input",
-    "backlash, whole width": "free play between drive and link, from one side to the other",
+    "backlash, whole width": "gap between drive and link, from one side to the other",
     "degrees per volt of reference": "final angle for one volt of the position loop's reference",
     # tables of records and comparisons
     "unit": "the unit of the numbers in this row",

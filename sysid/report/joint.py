@@ -26,8 +26,8 @@ PARTS_SAY = (
 SHORT = {
     "speed_per_volt": "speed per volt",
     "speed_full_drive": "speed at full drive",
-    "breakaway_up": "break-away up",
-    "breakaway_down": "break-away down",
+    "breakaway_up": "break-away voltage up",
+    "breakaway_down": "break-away voltage down",
     "coulomb_up": "friction, moving up",
     "coulomb_down": "friction, moving down",
     "moving_friction_up": "friction, moving up",

@@ -1,4 +1,4 @@
-"""Actuated joint: driver, motor with friction between two stops, linkage, backlash, sensor."""
+"""Actuated joint: driver, motor with friction between two end stops, linkage, backlash, sensor."""
 
 import math
 from collections.abc import Mapping
@@ -68,8 +68,8 @@ def actuated_joint(
 
 
 _ENDED = {
-    **{"both": "between two stops", "none": "without stops"},
-    **{"lower": "with a lower stop", "upper": "with an upper stop"},
+    **{"both": "between two end stops", "none": "without end stops"},
+    **{"lower": "with a lower end stop", "upper": "with an upper end stop"},
 }
 _LOADED = {"polynomial": "", "periodic": " and a periodic load", "spring": " and a spring", "none": " and no load"}
 LOADS = tuple(_LOADED)

@@ -174,8 +174,8 @@ def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: 
     words = [f"{percent:.0f} %" if percent > _DIVERGED else f"below {_DIVERGED:.0f} %" for percent in fits]
     if joint:
         cause = (
-            "the joint meets something there that the estimation data do not show, for example a moment at a stop; "
-            "qpal design FILE proposes a record of which each half shows all"
+            "the joint meets something there that the estimation data do not show, for example a moment at an end "
+            "stop; qpal design FILE proposes a record of which each half shows all"
         )
     else:
         size = "" if has_ample_samples(fit) else "the model is too large for this record, or "

@@ -121,7 +121,7 @@ def _ends(result: Identification) -> NextStep | None:
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
-    reason = "the output rests at its ends, and this model has no end stops"
+    reason = "the output rests at end stops, and this model has none"
     return NextStep(reason, command(result, structure=ActuatedJoint.name))
 
 

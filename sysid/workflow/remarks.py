@@ -97,13 +97,16 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
         for gap, end, is_met in ((a - low, low, met[0]), (high - b, high, met[1]))
         if not is_met
     ]
-    ends_in_words = "reached neither end" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end"
+    ends_in_words = (
+        "reached neither end stop" if not any(met) else f"did not reach its {'lower' if met[1] else 'upper'} end stop"
+    )
     percent_outside = 100 * float(np.mean((new < a) | (new > b)))
     return [
         f"{q.name} was seen from {q.factor * (a + offset):.4g} to {q.factor * (b + offset):.4g} {q.unit}".rstrip()
         + f" and {ends_in_words}; outside this range the model continues its map as a straight line "
         f"({' and '.join(distances)}) to "
-        f"a stop that the data do not show; {percent_outside:.1f} % of the validation samples are outside this range"
+        f"an end stop that the data do not show; {percent_outside:.1f} % of the validation samples are outside this "
+        "range"
     ]
 
 

@@ -142,7 +142,7 @@ def test_headings_and_numbers_tell_what_they_mean(read):
 
 def test_a_number_names_its_row_its_column_and_its_unit():
     grid = Grid(("", "value", "95 % interval", "unit"), [("backlash", "0.5", "0.4 to 0.6", "deg")], last_text=True)
-    assert grid.title(grid.rows[0], 1).startswith("backlash, value [deg]: free play")
+    assert grid.title(grid.rows[0], 1).startswith("backlash, value [deg]: gap between")
     assert grid.title(grid.rows[0], 2).startswith("backlash, 95 % interval [deg]: range that holds")
     assert grid.title(grid.rows[0], 3) == grid.title(grid.rows[0], 0) == ""
 

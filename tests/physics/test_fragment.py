@@ -242,4 +242,4 @@ def test_parts_without_elements_are_named():
     fit = fit_of(actuated_joint(motor=swings, knots=None, play=False), **PLAIN, **STOPS, sine1=0.5, cosine1=0.0)
     said = " ".join(mjcf.fragment(fit).left_out)
     assert "periodic load" in said
-    assert "the lower stop, which the fit does not know" in said
+    assert "the lower end stop, which the fit does not know" in said

@@ -119,7 +119,7 @@ def test_an_end_that_was_never_reached_is_not_told():
     log = twin.Experiment("thigh", "sweep", 9.0, 0.05, options=options).run()
     found = calibrate([log], "thigh", names=("retracted_length", "stroke"), fixed=("dead_band",))
     assert list(found.fixed) == ["thigh.stroke"]
-    assert "No log rests at the end that thigh.stroke places" in found.fixed["thigh.stroke"]
+    assert "No log rests at the end stop that thigh.stroke places" in found.fixed["thigh.stroke"]
     assert found.parameters["thigh.stroke"] == twin.Parameters()["thigh.stroke"]
     assert found["retracted_length"].holds(0.202)
 

@@ -76,7 +76,9 @@ def next_step(result: Calibration, files: str) -> str:
     return f"Next: qpal calibrate {files} --joint {result.joint} --fix {short}; or, to determine them: {record}"
 
 
-_ENDS = "drive the {joint} into both ends at full voltage: qpal simulate --joint {joint} --excitation sweep shows how"
+_ENDS = (
+    "drive the {joint} into both end stops at full voltage: qpal simulate --joint {joint} --excitation sweep shows how"
+)
 _LEVELS = (
     "let it start often from many low voltages: "
     "qpal simulate --joint {joint} --excitation staircase --set amplitude=7,hold=0.1,steps=120,order=stairs shows how"
@@ -106,7 +108,7 @@ _ADVICE = {
     "stall_force": "measure the force of the stalled motor, or record once more with a known weight on the foot",
     "stall_torque": "measure the torque of the stalled motor, or record once more with a known weight on the foot",
 }
-_ANY = "record the {joint} from end to end, at several voltages, with rests"
+_ANY = "record the {joint} from end stop to end stop, at several voltages, with rests"
 
 
 def what_to_record(joint: str, row: str) -> str:

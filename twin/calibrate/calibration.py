@@ -82,7 +82,8 @@ def calibrate(
         free_rows = tuple(row.name for row in verdicts if row.told)
         if not free_rows:
             raise InputError(
-                f"these logs tell none of {', '.join(rows)}; record the {joint} from end to end at several voltages"
+                f"these logs tell none of {', '.join(rows)}; record the {joint} from end stop to end stop at several "
+                "voltages"
             )
         say(f"search over {len(free_rows)} parameters")
         initial = start.parameters.replace({row: base[row] for row in rows if row not in (*free_rows, *start.missed)})

@@ -34,7 +34,7 @@ class Identifiability:
         if self.told:
             return ""
         if self.missed:
-            return f"No log rests at the end that {self.name} places, under a voltage towards it; it is not calibrated."
+            return f"No log rests at the end stop that {self.name} places, under a voltage towards it: not calibrated."
         if self.alike:
             return (
                 f"{self.name} and {' and '.join(self.alike)} act alike in these records; {self.name} keeps its value."

@@ -115,7 +115,7 @@ class Calibration:
             return ""
         return (
             "Look at the overlay in the report: if the twin moves another way than the leg, check sign and gear of the "
-            "log; otherwise free fewer parameters (--fix), or record both ends and several levels."
+            "log; otherwise free fewer parameters (--fix), or record both end stops and several levels."
         )
 
     def __getitem__(self, name: str) -> Value:

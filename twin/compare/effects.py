@@ -148,7 +148,7 @@ TABLE: dict[str, Effect] = {
             (END_LOW, END_HIGH),
             (),
             "--excitation sweep --set jitter=0.5,shrink=0.4",
-            "rests at both ends and turns before them",
+            "rests at both end stops and turns before them",
         ),
         Effect(
             "load",
@@ -172,7 +172,7 @@ TABLE: dict[str, Effect] = {
             (SLOPE, ZERO),
             (),
             "--excitation sweep --set jitter=0.5,shrink=0.4",
-            "both ends, and turns before them",
+            "both end stops, and turns before them",
         ),
     )
 }

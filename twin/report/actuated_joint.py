@@ -38,7 +38,7 @@ def section(result: ProtocolResult) -> Section:
 
 
 _WHY = (
-    "A joint driven by a voltage integrates, and it stops at its ends. A Hammerstein-Wiener model has no end stop; "
+    "A joint driven by a voltage integrates, and rests at its end stops. A Hammerstein-Wiener model has no end stop; "
     "it fits the paper's sweep only because that sweep repeats itself. This section compares the same structure, "
     "with the paper's orders, maps and search, with an actuated joint: motor with friction, two end stops, linkage, "
     "backlash. Both are fitted to the first half of the paper's sweep and of a sweep with random times and levels, "
@@ -48,7 +48,7 @@ _WHY = (
 _RECOVERY = (
     "Identified value minus truth for both records, divided by the accepted error (column aim of the table), with 95 "
     f"% intervals. Grey: within the aim. An arrow marks a value beyond {FRAME:g} aims, a hollow mark a value without "
-    "an interval. The ends are those of the drive; the link rests up to half the backlash further, and the "
+    "an interval. The end stops are those of the drive; the link rests within half the backlash, and the "
     "potentiometer is nonlinear."
 )
 

@@ -22,7 +22,7 @@ from twin.report import compare_figures as figures
 from twin.report import leg
 
 UNKNOWN = "not determined by this record"
-WORDS = {"end_low": "lower end of travel", "end_high": "upper end of travel", "slope": "sensor slope", "zero": "zero"}
+WORDS = {"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"}
 
 
 def page(result: Comparison, file: str) -> Page:

@@ -27,8 +27,8 @@ def page(result: WrittenModel) -> Page:
     if result.fragment is not None and result.check is not None:
         caption = (
             "Angle of the fitted joint and of the MJCF elements in MuJoCo under the same input, and their difference. "
-            "The two curves should lie on each other. Peaks of the difference come from struck stops and break-away, "
-            "waves from a linkage that is not quite a quartic."
+            "The two curves should lie on each other. Peaks of the difference come from struck end stops and "
+            "break-away, waves from a linkage that is not quite a quartic."
         )
         sections += [
             Section(

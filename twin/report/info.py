@@ -30,7 +30,7 @@ TRUTH = {
     "continuous_pole": ("pole of the lag before any time step", "1/s"),
     "gain": ("speed per volt, of the compiled model", "rad/s/V"),
     "closed_form_gain": ("speed per volt, closed form", "rad/s/V"),
-    "end_angles": ("where the drive side rests at its ends, after full voltage", "rad"),
+    "end_angles": ("where the drive side rests at its end stops, after full voltage", "rad"),
     "switch_angles": ("where the limit switches trip", "rad"),
     "backlash": ("backlash, whole width", "rad"),
     "load": ("holding force of the drive against weight at mid stroke", "coulomb"),

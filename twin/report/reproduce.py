@@ -159,7 +159,14 @@ def truth_table(result: ProtocolResult) -> Grid:
                 " / ".join(number(volts, 3) for volts in t.breakaway_voltage),
             )
         )
-    quantities = ("poles, twin", "closed form", "gain [deg/s/V]", "ends [deg]", "backlash [deg]", "breakaway [V]")
+    quantities = (
+        "poles, twin",
+        "closed form",
+        "gain [deg/s/V]",
+        "end stops [deg]",
+        "backlash [deg]",
+        "break-away voltage [V]",
+    )
     return Grid(("joint", *quantities), rows)
 
 
@@ -175,7 +182,7 @@ def tables(result: ProtocolResult) -> list[Grid]:
     return [
         results.only("joint", "model", "search", "fit", "ceiling", "FPE", "loss"),
         results.only("joint", "model", "stable", "white, indep.", "poles"),
-        truth.only("joint", "poles, twin", "closed form", "ends [deg]", "backlash [deg]"),
+        truth.only("joint", "poles, twin", "closed form", "end stops [deg]", "backlash [deg]"),
         actuated_joint.table(result),
         actuated_joint.values_table(result).only("joint", "value", "truth", "aim ±", *RECORDS),
     ]
@@ -214,7 +221,7 @@ def _pictures(r: JointResult) -> Iterator[Picture]:
     yield Picture(
         _name("raw", r),
         style.png(plots.record(io, seconds=seconds)),
-        f"{_lead('raw', r)}The first {seconds:g} s as recorded: the angle follows the voltage and rests at its ends.",
+        f"{_lead('raw', r)}The first {seconds:g} s as recorded: the angle follows the voltage and rests at end stops.",
     )
     yield Picture(
         _name("preprocessed", r),

@@ -40,7 +40,7 @@ _INPUT = {"voltage": "Commanded voltage", "servo": "Reference of the position lo
 def _verdict(part: Part) -> str:
     lo, hi = np.degrees(part.range).tolist()
     return (
-        f"The {part.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and rested at an end for "
+        f"The {part.joint} moved between {number(lo, 3)} and {number(hi, 3)} degrees and rested at an end stop for "
         f"{100 * part.resting:.0f} % of the time."
     )
 
@@ -86,7 +86,7 @@ def _table(part: Part) -> Grid:
         ("poles in z", ", ".join(_pole(z) for z in t.poles)),
         ("time constant of the lag [s]", number(-1.0 / t.continuous_pole, 3)),
         (gain, number(float(np.degrees(t.gain)), 4)),
-        ("ends of travel [deg]", f"{lo} to {hi}"),
+        ("end stops [deg]", f"{lo} to {hi}"),
         ("backlash, whole width [deg]", number(float(np.degrees(t.backlash)), 3)),
         ("break-away voltage, down / up [V]", f"{low_volts} / {high_volts}"),
         ("dead band of the drive [V]", number(t.dead_band, 3)),
