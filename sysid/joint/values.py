@@ -76,9 +76,10 @@ def joint_values(
 
     Up is where the output rises, whatever the sign of the voltage. speed_per_volt [y/s/V], time_constant [s],
     breakaway_up and breakaway_down [V] (break-away voltage with load, static friction and the driver's dead zone),
-    coulomb_up and coulomb_down [V] (voltage for friction and load in motion), end_low and end_high [y], backlash
-    [y], delay [s]; y is the unit of the record where one is given. Without `stribeck` static and moving friction
-    are equal.
+    coulomb_up and coulomb_down [V] (voltage for friction and load in motion), end_low and end_high [y] (where the drive
+    meets its end stops: with backlash the output rests half of it inside where the drive pushes it there, and up to
+    half of it beyond where it coasts on), backlash [y], delay [s]; y is the unit of the record where one is given.
+    Without `stribeck` static and moving friction are equal.
 
     Intervals without a record are those of the delta method from the covariance of the fit, which assumes white
     residuals and a complete model. With the record `data` of the fit they allow for coloured residuals (see

@@ -224,8 +224,9 @@ def _offset(quantity: Quantity, values: np.ndarray) -> str:
 
 _PHYSICS = (
     "The parameters of an actuated joint are physical, so the table can be compared with a data sheet. Speeds apply "
-    "at mid stroke. A break-away voltage includes dry friction, load and the driver's dead zone. Up means towards "
-    "larger outputs. The intervals allow for coloured residuals and for what the model of a joint lacks."
+    "at mid stroke. A break-away voltage includes dry friction, load and the driver's dead zone. An end stop is that "
+    "of the drive: the output rests within half the backlash of it. Up means towards larger outputs. The intervals "
+    "allow for coloured residuals and for what the model of a joint lacks."
 )
 
 

@@ -98,6 +98,16 @@ def test_physical_values_are_what_the_parameters_say():
         assert at_truth[name].low < value < at_truth[name].high
 
 
+@pytest.mark.parametrize(("play", "side"), [(True, -1.0), (CoastingPlay(), 1.0)])
+def test_end_stops_are_those_of_the_drive_and_the_output_rests_half_the_backlash_from_them(play, side):
+    """Inside, where the drive pushes it there; beyond, where it coasts on without drag."""
+    chain = actuated_joint(play=play)
+    y = chain.simulate(theta_of(chain), np.repeat([12.0, -12.0], 1000))
+    half = 0.5 * TRUE["play.width"]
+    assert y[999] == pytest.approx(TRUE["map.high"] + side * half, abs=1e-9)
+    assert y[-1] == pytest.approx(TRUE["map.low"] - side * half, abs=1e-9)
+
+
 def test_a_driver_moves_the_break_away_voltage_by_its_dead_zone():
     chain = actuated_joint(driver="dead_zone", fixed={"driver": [-0.4, 0.7]})
     data, _ = record(actuated_joint(), 0)
