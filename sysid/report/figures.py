@@ -96,7 +96,8 @@ def data_caption(e: Evaluation) -> str:
     restoration = " Constants that were removed before the fit are added again, here and in the figures of the output."
     return (
         f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
-        f"are validation data.{restoration if has_offsets else ''}"
+        f"are validation data.{restoration if has_offsets else ''} What to see: both should go over the same levels, "
+        "at the same speeds; else the validation asks for what the fit was not shown."
     )
 
 
@@ -136,7 +137,9 @@ def _free_run_caption(e: Evaluation) -> str:
     ahead = " The last panel is a one-step-ahead prediction, not a free run: it uses the previous measured outputs."
     return (
         f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
-        f"outputs of each part for the initial state; these outputs are not scored.{band}{ahead if e.one_step else ''}"
+        f"outputs of each part for the initial state; these outputs are not scored. What "
+        "to see: errors that grow add up in the model; errors in a few places show what it lacks there."
+        f"{band}{ahead if e.one_step else ''}"
     )
 
 
@@ -301,7 +304,10 @@ TABLE: dict[str, ReportFigure] = {
     "close-up": ReportFigure(
         "Model output",
         lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME),
-        lambda e: "Close-up of the first whole upper and lower peak of the validation data.",
+        lambda e: (
+            "Close-up of the first whole upper and lower peak of the validation data. What to see: whether the free "
+            "run turns at the same place and time."
+        ),
     ),
     "pole-zero": ReportFigure("Model", _roots_figure, _roots_caption, lambda e: e.linear, pure=True, tab="Poles"),
     "step-response": ReportFigure("Model", _step_figure, _step_caption, lambda e: e.step is not None, tab="Step"),

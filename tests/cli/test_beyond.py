@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import runpy
 from contextlib import redirect_stdout
 
@@ -88,6 +89,9 @@ def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
     assert {"free-run", "residuals", "static-maps"} <= names
     assert not names & {"pole-zero", "step-response"}
     assert "where the line is steep, the joint turns far for each stroke" in html
+    captions = re.findall(r"<figcaption>(.*?)</figcaption>", html, re.DOTALL)
+    assert len(captions) == len(names)
+    assert not [caption for caption in captions if "What to see: " not in caption]
 
 
 def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
