@@ -184,7 +184,7 @@ def drawings(case):
     maps = curves.curves(info)
     return {
         "bode": ((responses.frequency(info),), 2),
-        "usual": (([("loss", (0.2, 0.3), (0.1, 0.1))],), 1),
+        "usual": (([("loss", (0.2, 0.3), (0.1, 0.1), "open")],), 1),
         "close_ups": ((data, fit.simulate(data)), 2),
         "comparison": ((sysid.compare(data, fit),), 1),
         "fitted": ((data, fit.simulate(data), [90.0]), 2),
