@@ -145,7 +145,7 @@ def _merge_prepared(records: Sequence[Record], absolute: bool, preparation: Prep
     """The records as they are fitted, as the experiments of one."""
     if absolute:  # a structure of absolute angles
         records = [without_wraps(record) for record in records]
-    return merge_records([prepare_record(record, preparation) for record in records])
+    return merge_records([prepare_record(record, preparation) for record in records], absolute)
 
 
 def check_channels(setting: Setting | Auto, record: Record) -> None:

@@ -13,7 +13,6 @@ from sysid.data.record import IOData
 from sysid.data.trends import CONSTANT, Trend
 from sysid.workflow.record import Record
 
-APART = 2.0  # deviations within a file, by which the means of files differ that may have zeros of their own
 SAME = 1e-4  # of a sampling time, by which two clocks of one rate may differ
 
 
@@ -60,8 +59,11 @@ def prepare_record(record: Record, preparation: Preparation) -> Record:
     return record if not sentences else replace(record, data=data, remarks=(*record.remarks, *sentences))
 
 
-def merge_records(records: Sequence[Record]) -> Record:
-    """One record whose experiments are these; raises InputError where channels, units or sampling times differ."""
+def merge_records(records: Sequence[Record], absolute: bool = False) -> Record:
+    """One record whose experiments are these; raises InputError where channels, units or sampling times differ.
+
+    `absolute`: inputs count from zero, so their levels may differ from file to file.
+    """
     first, *further_records = records
     if not further_records:
         return first
@@ -71,27 +73,27 @@ def merge_records(records: Sequence[Record]) -> Record:
     files = tuple(record.path for record in records)
     sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
     summary = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
-    levels = _levels(records)
+    levels = _levels(records, ("y",) if absolute else ("u", "y"))
     further_notes = (
         f"{record.path.name}: {note}" for record in further_records for note in record.notes if note not in first.notes
     )
     return replace(first, data=data, files=files, remarks=(*first.remarks, summary, *levels, *further_notes))
 
 
-def _levels(records: Sequence[Record]) -> tuple[str, ...]:
+def _levels(records: Sequence[Record], signals: Sequence[str]) -> tuple[str, ...]:
     """A remark if the levels of the files differ so much that they may count from different zeros."""
     roles = []
-    for role in ("u", "y"):
+    for role in signals:
         values = [getattr(record.data, role) for record in records]
-        means = np.array([np.nanmean(signal, axis=0) for signal in values])
-        deviation = np.sqrt(np.mean([np.nanvar(signal, axis=0) for signal in values], axis=0))
-        if (np.ptp(means, axis=0) > APART * np.maximum(deviation, 1e-300)).any():
+        means = [np.nanmean(signal, axis=0) for signal in values]
+        ways = [np.nanmax(signal, axis=0) - np.nanmin(signal, axis=0) for signal in values]
+        if (np.ptp(means, axis=0) > np.max(ways, axis=0)).any():
             roles.append("inputs" if role == "u" else "outputs")
     if not roles:
         return ()
     return (
         f"the levels of the {' and '.join(roles)} differ from file to file by more than they move within one, and one "
-        "zero is taken from all; where each file has a zero of its own, subtract it from each file first",
+        "zero counts for all; where each file has a zero of its own, subtract it from each file first",
     )
 
 

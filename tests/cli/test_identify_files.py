@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from sysid.data.preparation import Preparation
 from sysid.structures import OutputError
-from sysid.workflow.identification import identify_file
+from sysid.workflow.identification import _merge_prepared, identify_file
 from sysid.workflow.next_step import command
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Setting
@@ -160,7 +160,7 @@ def test_a_file_counts_once(three, capsys):
 
 
 def test_files_with_zeros_of_their_own_are_told(tmp_path, monkeypatch):
-    """One zero is taken from all files; where that is wrong, somebody has to be told."""
+    """One zero counts for all files; where that is wrong, somebody has to be told."""
     monkeypatch.chdir(tmp_path)
     for k, (name, zero) in enumerate((("a", -20.0), ("b", 40.0), ("c", -20.5))):
         u, y = plant(k)
@@ -168,6 +168,19 @@ def test_files_with_zeros_of_their_own_are_told(tmp_path, monkeypatch):
     apart, alike = identify_file(["a.csv", "b.csv"], OE), identify_file(["a.csv", "c.csv"], OE)
     assert any("levels of the outputs differ" in note for note in apart.record.notes)
     assert not any("levels" in note for note in alike.record.notes)
+
+
+@pytest.mark.parametrize("pulse", [0.0, 9.0])
+def test_inputs_of_several_files_that_differ_are_told_where_they_do_as_it_says(pulse, tmp_path):
+    """Of 3 and of -3 V on the mean; with a pulse of 9 V it moves by more. Volts of a joint count from zero."""
+    records = []
+    for way in (-1, 1):
+        u, y = plant(2)
+        u[3] = way * pulse
+        records.append(read_record(save(tmp_path / f"{way}.csv", u + way * 3.0, y)))
+    merged, joint = (_merge_prepared(records, absolute, Preparation()) for absolute in (False, True))
+    assert any("levels of the inputs differ" in note for note in merged.notes) == (pulse == 0.0)
+    assert not any("levels" in note for note in joint.notes)
 
 
 @pytest.mark.parametrize("option", [["--detrend", "linear"], ["--filter", "0.02:"]], ids=["line", "slow"])
