@@ -71,7 +71,7 @@ class Guess:
 class Given:
     """What a person has said already: columns, the unit of the clock, the sampling time [s].
 
-    `more` are the further columns of a role that has several.
+    `more` are the further columns of a role that has several; `drive` is that of [range], "" where there is none.
     """
 
     input: str | None = None
@@ -80,6 +80,7 @@ class Given:
     time_unit: str | None = None
     Ts: float | None = None
     more: Mapping[str, tuple[str, ...]] | None = None
+    drive: str | None = None
 
 
 @checked
@@ -117,7 +118,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 channels[role].append(_guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
-    switch, switch_note = switch_of(signals, table.names)
+    switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
     if switch is not None:

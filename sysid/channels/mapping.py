@@ -306,6 +306,10 @@ class ChannelMap(_Part):
             for k, channel in enumerate(getattr(self, role), start=1)
         ]
 
+    def within(self, start: float | None, stop: float | None) -> "ChannelMap":
+        """The mapping with these ends [s] of its range."""
+        return self.model_copy(update={"range": self.range.model_copy(update={"start": start, "stop": stop})})
+
     def columns(self) -> dict[str, str]:
         """Every column that is read, and the entry of the file that names it."""
         entries = {self.clock.column: "clock.column"}

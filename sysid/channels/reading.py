@@ -46,6 +46,20 @@ def read_map_of(mapping: Mapping) -> ChannelMap:
     return mapping if isinstance(mapping, ChannelMap) else read_map(mapping)
 
 
+def complete(table: Table, mapping: ChannelMap) -> tuple[ChannelMap, tuple[str, ...]]:
+    """A mapping of rows alone, [range] and [repair], with guessed columns, and what was guessed; others as they are.
+
+    `drive` = "" in its range says that no column is the drive's switch. Raises InputError for a guess that is not sure.
+    """
+    part = mapping.range
+    if not mapping.model_fields_set or mapping.model_fields_set - {"range", "repair"}:
+        return mapping, ()
+    result = guess(table, Given(drive=part.drive if "drive" in part.model_fields_set else None))
+    columns = result.sure(table)
+    part = part.model_copy(update={"drive": part.drive or columns.range.drive})
+    return columns.model_copy(update={"range": part, "repair": mapping.repair}), result.why
+
+
 def from_table(
     table: Table,
     given: Given = Given(),  # noqa: B008 - it is frozen
@@ -87,7 +101,8 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
-    drive = mapping.range.drive
+    mapping, guessed = complete(table, mapping)
+    notes, drive = (*notes, *guessed), mapping.range.drive
     if drive and drive not in (channel.column for channel in mapping.other):
         other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
         mapping = mapping.model_copy(update={"other": other})

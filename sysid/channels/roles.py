@@ -299,6 +299,9 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
     return moving_columns[0]
 
 
+NO_SWITCH = 'if it says something else, write drive = "" under [range] in a mapping, which uses every row'
+
+
 def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, str]:
     """The column that says when the drive is on, 0 and another value, if it is one; and what was made of its kind.
 
@@ -323,7 +326,7 @@ def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, st
         shown = f"{len(levels)} values" if len(levels) > 2 else " and ".join(f"{level:g}" for level in levels)
         reason = f"it holds {shown}"
     else:
-        return column, f"column {name!r} is 0 while the drive is off: what lies between is left out"
+        return column, f"column {name!r} is 0 while the drive is off: what lies between is left out ({NO_SWITCH})"
     return None, (
         f"column {name!r} may say when the drive is on, but {reason}: nothing is left out. If the drive was off, "
         "name a column that is 0 there and 1 elsewhere as drive of [range] in a mapping"

@@ -11,6 +11,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.limits import SAMPLES
 from sysid.channels.mapping import ROLES, ChannelMap
+from sysid.channels.roles import NO_SWITCH
 from sysid.data.missing import runs
 from sysid.data.record import IOData
 from sysid.data.resampling import resample
@@ -114,7 +115,7 @@ class Signals:
             name = self.mapping.range.drive
             raise InputError(
                 f"{self.path}: column {name!r} is never on for {_SHORTEST_RUN} samples in a row, so nothing is left; "
-                "give a longer part, or a table without this column where it is not the drive's switch"
+                f"give a longer part; {NO_SWITCH}"
             )
         return IOData.merge(*(data.select(*stretch) for stretch in stretches))
 

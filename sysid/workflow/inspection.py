@@ -14,7 +14,7 @@ from sysid.channels.column import soft_numbers
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
-from sysid.channels.reading import Mapping, read_map_of, sample
+from sysid.channels.reading import Mapping, complete, read_map_of, sample
 from sysid.channels.signals import Signals
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
@@ -127,7 +127,7 @@ def inspect_file(
     unclear: tuple[str, ...] = ()
     remarks: dict[str, str] = {}
     if mapping is not None:
-        channel_map = read_map_of(mapping)
+        channel_map, why = complete(table, read_map_of(mapping))
     else:
         guessed_map = guess(table, given)
         channel_map, why, unclear, remarks = (
@@ -137,7 +137,7 @@ def inspect_file(
             dict(guessed_map.remarks),
         )
     if range != Range():
-        channel_map = channel_map.model_copy(update={"range": range})
+        channel_map = channel_map.within(range.start, range.stop)
     signals, problem = None, ""
     repairs: tuple[str, ...] = ()
     if not unclear:
@@ -224,7 +224,7 @@ def _obstacle(signals: Signals | None) -> str:
 
 
 def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:
-    roles = {mapping.clock.column: "clock", mapping.range.active: "active"}
+    roles = {mapping.clock.column: "clock", mapping.range.active: "active", mapping.range.drive: "drive"}
     for role in ROLES:
         for channel in getattr(mapping, role):
             roles |= {channel.times: f"times {role}", channel.column: role}

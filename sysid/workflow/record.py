@@ -106,13 +106,7 @@ def read_record(
     if mapping is not None:
         channel_map = read_map_of(mapping)
         if range != Range():
-            channel_map = channel_map.model_copy(
-                update={
-                    "range": range.model_copy(
-                        update={"active": channel_map.range.active, "drive": channel_map.range.drive}
-                    )
-                }
-            )
+            channel_map = channel_map.within(range.start, range.stop)
         signals = sample(table, channel_map)
     else:
         signals = from_table(table, given, range, "refuse" if missing == "refuse" else "outputs")

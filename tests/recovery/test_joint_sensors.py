@@ -1,6 +1,7 @@
 """Joints whose sensor counts the other way, or tells a speed: they have the values of the same joint."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -225,6 +226,31 @@ def test_what_the_switch_leaves_out_is_counted(tmp_path):
     path.write_text("\n".join(["time [s],voltage [V],angle [deg],torque_enable", *rows]))
     note = "the drive is on in 2 stretches and 1 shorter than 20 samples: 100 of 240 samples are left out"
     assert note in read_record(path).notes
+
+
+def test_a_mapping_takes_a_column_that_is_no_switch_away_and_the_rest_is_guessed(tmp_path, capsys):
+    """The mapping is the one that the note of the switch proposes."""
+    on = (np.arange(240) < 100).astype(int)
+    path, u = tmp_path / "log.csv", levels(240, 8.0, 3)
+    rows = [f"{k * TS:.3f},{u[k]:.3f},{np.sum(u[:k]):.3f},{on[k]}" for k in range(240)]
+    path.write_text("\n".join(["time [s],voltage [V],angle [deg],torque_enable", *rows]))
+    guessed = read_record(path)
+    assert guessed.data.lengths == (100,)
+    (note,) = (note for note in guessed.notes if "is 0 while the drive is off" in note)
+    table, line = tmp_path / "map.toml", re.search(r'(drive = "") under (\[range\])', note)
+    table.write_text(f"{line[2]}\n{line[1]}\n")
+    every = read_record(path, mapping=table)
+    assert every.data.lengths == (240,)
+    assert (every.input, every.output, every.data.y_unit) == ("voltage [V]", "angle [deg]", "rad")
+    assert not any("drive" in note for note in every.notes)
+    table.write_text("[range]\nstop = 5.0\n")  # without a word on the switch it is guessed too
+    assert read_record(path, mapping=table).data.lengths == (min(100, round(5.0 / TS) + 1),)
+    table.write_text('[range]\ndrive = ""\n')
+    arguments = [str(path), "--map", str(table), "--write-map", str(tmp_path / "whole.toml"), "--range", "0:10"]
+    assert main(["info", *arguments, "--out", str(tmp_path / "info"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["record"]["samples"] == round(10.0 / TS) + 1
+    whole = read_record(path, mapping=tmp_path / "whole.toml").data
+    assert whole.lengths == (round(10.0 / TS) + 1,)
 
 
 def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_inspected(tmp_path):
