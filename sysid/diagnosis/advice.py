@@ -22,7 +22,17 @@ from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
 KNOTS = 10  # break points of the default piecewise linear map
+_END_STOPS = (  # what to do about a rest
+    "a linear model cannot describe it: fit a model with end stops if a motor moves this, else one whose output map "
+    "saturates",
+    "note",
+    None,
+    "sysid.fit_joint(data).fit",
+    ("identify", "--structure", "actuated_joint"),
+)
 _FLICKER = 0.005  # of the range of the output
+_RESTING = 0.08  # of the samples, from which an output rests at an end
+_STILL = 0.05  # of the range of a speed, below which it is none
 _FOLLOWED = 0.1  # of the output's standard deviation: the free run's error at a rest that a linear model explains
 ORDER = 10  # twice the order of excitation that a model with nb + nf = 5 needs
 
@@ -102,6 +112,8 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
         y = y if code is None else y[y != code]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
         yield _rest(name, y, noise, y_shown, white if straight else None)
+    if white is not None and data.y_unit.endswith("/s") and data.u.shape[1] == 1:
+        yield from _stands(name, white, noise, straight)
     q = signals.step(y)
     if q is None:
         yield Advice("resolution", f"{name} shows no converter step", 0.0, "", "fine")
@@ -128,13 +140,28 @@ def _noise(y: np.ndarray, white: Whitened | None) -> float:
     return 1.4826 * min(float(np.median(second)) if len(second) else 0.0, float(np.median(errors)))
 
 
-def _followed(white: Whitened, band: float, noise: float) -> bool:
-    """Whether a linear model's free run follows the output while it is within the band of its extremes."""
-    y = white.y
-    at_extreme = (y <= y.min() + band) | (y >= y.max() - band)
+def _followed(white: Whitened, at_rest: np.ndarray, noise: float) -> bool:
+    """Whether a linear model's free run follows the output where it rests (M,)."""
     with np.errstate(over="ignore", invalid="ignore"):
-        error = float(np.sqrt(np.mean((y - free_run(white))[at_extreme] ** 2)))
-    return error <= _FOLLOWED * float(y.std()) + 2.0 * noise
+        error = float(np.sqrt(np.mean((white.y - free_run(white))[at_rest] ** 2)))
+    return error <= _FOLLOWED * float(white.y.std()) + 2.0 * noise
+
+
+def _at_extreme(y: np.ndarray, band: float) -> np.ndarray:
+    return np.asarray((y <= y.min() + band) | (y >= y.max() - band))
+
+
+def _stands(name: str, white: Whitened, noise: float, straight: bool) -> Iterator[Advice]:
+    """A speed that is zero under an input that moves it elsewhere: that of a joint whose angle rests at an end."""
+    u, y = np.abs(white.data.u[white.times, 0]), np.abs(white.y)
+    driven, still = u >= 0.5 * u.max(), y <= _STILL * float(np.ptp(white.y))
+    still[1:-1] &= still[:-2] & still[2:]
+    stands = driven & still
+    share = float(stands.mean())
+    moves = float(np.mean(driven & (y > 2.0 * _STILL * np.ptp(white.y))))
+    if min(share, moves) > _RESTING and not (straight and _followed(white, stands, noise)):
+        sentence = f"{name} is zero in {100 * share:.0f} % of samples, under inputs that move it elsewhere"
+        yield Advice("rest", f"{sentence}: an end stop, or what sticks", share, *_END_STOPS)
 
 
 def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Whitened | None) -> Advice:
@@ -145,28 +172,19 @@ def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Wh
     rest = signals.rests(y, noise)
     moving = signals.sine_rest(rest.band / (float(np.ptp(y)) or 1.0))
     largest_share = max(rest.low, rest.high)
-    if largest_share <= max(0.08, 1.5 * moving):
+    if largest_share <= max(_RESTING, 1.5 * moving):
         return Advice(
             "rest", f"{name} is at an extreme in {100 * largest_share:.1f} % of samples", largest_share, "", "fine"
         )
     shares = ((rest.low, "lowest", float(y.min())), (rest.high, "highest", float(y.max())))
     extremes = [(s, word, f"{v * as_shown.factor:.4g} {as_shown.unit}".rstrip()) for s, word, v in shares]
-    places = [f"{100 * s:.0f} % at its {word} ({v})" for s, word, v in extremes if s > max(0.08, 1.5 * moving)]
+    places = [f"{100 * s:.0f} % at its {word} ({v})" for s, word, v in extremes if s > max(_RESTING, 1.5 * moving)]
     sentence = f"{name} rests for {' and '.join(places)}"
-    if linear is not None and _followed(linear, rest.band, noise):
+    if linear is not None and _followed(linear, _at_extreme(linear.y, rest.band), noise):
         return Advice(
             "rest", f"{sentence}, where the input holds it: a linear model explains that", largest_share, "", "fine"
         )
-    return Advice(
-        "rest",
-        f"{sentence}: an end stop or a saturation",
-        largest_share,
-        "a linear model cannot describe it: fit a model with end stops if a motor moves this, else one whose output "
-        "map saturates",
-        "note",
-        call="sysid.fit_joint(data).fit",
-        command=("identify", "--structure", "actuated_joint"),
-    )
+    return Advice("rest", f"{sentence}: an end stop or a saturation", largest_share, *_END_STOPS)
 
 
 def _at_stops(advice: Advice) -> Advice:

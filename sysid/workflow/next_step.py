@@ -116,12 +116,12 @@ def _no_joint(result: Identification) -> NextStep | None:
 def _ends(result: Identification) -> NextStep | None:
     """The record rests at its ends and the model has no end stops; a structure search has tried a model with them."""
     recipe = result.evaluation.setting.recipe
-    rests = any(a.topic == "rest" and a.severity != "fine" for a in result.advice)
+    rests = next((a.sentence for a in result.advice if a.topic == "rest" and a.severity != "fine"), "")
     if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint):
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
-    reason = "the output rests at end stops, and this model has none"
+    reason = f"{rests.partition(':')[0]}, and this model has none"
     return NextStep(reason, command(result, structure=ActuatedJoint.name))
 
 

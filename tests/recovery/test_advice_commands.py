@@ -261,6 +261,29 @@ def test_end_stops_stay_end_stops_where_no_nonlinearity_is_significant(seed):
     assert not said["nonlinearity"].command
 
 
+@pytest.mark.parametrize("seed", [1, 3, 4, 6, 7])
+def test_the_speed_of_a_joint_names_the_joint_as_its_angle_does(seed):
+    u, y = stopped(seed)
+    speed = np.gradient(y, TS)
+    angle, moved = (advise(IOData(u, x, TS, y_unit=unit)) for x, unit in ((y, "deg"), (speed, "deg/s")))
+    said, found = ([a for a in each if a.topic == "rest" and a.severity == "note"] for each in (angle, moved))
+    assert found[-1].command == said[0].command == ("identify", "--structure", "actuated_joint")
+    assert "is zero in" in found[-1].sentence
+    at_end = np.mean((np.abs(speed) < 0.05 * np.ptp(speed)) & (np.abs(u) > 0.5 * np.abs(u).max()))
+    assert found[-1].value == pytest.approx(at_end, abs=0.05)
+
+
+@pytest.mark.parametrize("lag", [3.0, 30.0, 100.0])
+def test_the_speed_of_a_motor_without_stops_names_none(lag):
+    """A slow one is near zero for 13 % of the time, after each change of sign: a linear model follows it."""
+    alarms = 0
+    for seed in range(10):
+        u = Prbs(12.0, 12, 25 * TS).generate(1500, TS, np.random.default_rng(seed))
+        y = lfilter([0, 1 - np.exp(-1 / lag)], [1, -np.exp(-1 / lag)], u) + 0.02 * white(seed + 100)
+        alarms += any("is zero in" in a.sentence for a in advise(IOData(u, y, TS, y_unit="rad/s")))
+    assert alarms <= 1
+
+
 def test_the_flicker_of_a_converter_and_a_trace_of_drift_are_nothing_to_mend(told):
     u = held(20)
     y = np.round(lfilter([0, 0.3], [1, -0.7], u), 2)
