@@ -19,6 +19,7 @@ DELAY = 10**5  # samples of dead time; each is a name and a parameter where a mo
 PIECES = 10**4  # knots, units or powers of one block: a covariance of as many parameters takes 0.8 GB
 CHANNELS = 1000
 STARTS = 10**5  # each is a search
+MORE_STARTS = 20  # that a sentence proposes where a search did not agree or converge
 ITERATIONS = 10**7
 PROCESSES = 1024  # threads or processes; the largest machines have some hundred cores
 DRAWS = 10**6  # of an uncertainty; each is a simulation of the record

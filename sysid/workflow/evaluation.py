@@ -27,11 +27,12 @@ from sysid.nlarx.fit import ITERATIONS as NETWORK_ITERATIONS
 from sysid.nlarx.model import Nlarx
 from sysid.nlarx.result import NlarxFit
 from sysid.solver.iterate import Options
+from sysid.structures import ActuatedJoint
 from sysid.uncertainty import bands, intervals
 from sysid.uncertainty.bands import OutputBand
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
-from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks
+from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks, warnings_of
 from sysid.workflow.results import Curve, Evaluation, Growing, OneOutput, OneStep
 from sysid.workflow.setting import Setting
 
@@ -95,7 +96,7 @@ def evaluate_fit(
     network = fit if isinstance(fit, NlarxFit) else None
     several = has_several_channels(estimation)
     physics = setting.recipe.physics() if physical else None
-    notes = list(fit.warnings)
+    notes = warnings_of(fit, joint=isinstance(setting.recipe, ActuatedJoint))
     tests, higher, output_tests, remarks = _residual_tests(fit, validation, several)
     notes += remarks
     step = None

@@ -125,7 +125,8 @@ def identify_file(
     first, *further_files = map(str, record.files or (record.path,))
     structure_and_fit = evaluation.setting.recipe, evaluation.judged_fit
     advice = tuple(
-        advice_after_fit(a, *structure_and_fit).of_file(first, (*further_files, *record.options)) for a in findings
+        a.of_file(first, (*(() if a.command == ("design",) else further_files), *record.options))
+        for a in (advice_after_fit(a, *structure_and_fit) for a in findings)
     )
     result = Identification(record, plan, evaluation, advice, selection)
     return replace(result, next=next_step(result))

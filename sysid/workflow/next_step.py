@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.limits import MORE_STARTS
 from sysid.base.poles import Motion
 from sysid.data.record import IOData
 from sysid.diagnosis.finding import Advice
@@ -27,10 +28,10 @@ from sysid.structures import (
 )
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
 from sysid.workflow.plan import Plan
-from sysid.workflow.remarks import extrapolated_signals, gain_remarks
+from sysid.workflow.remarks import JOINT_RECORD, extrapolated_signals, gain_remarks
 from sysid.workflow.results import Evaluation, Identification, NextStep
 
-STARTS, MOST_STARTS = 5, 10  # with fewer, another start may find more; from the second on it rarely does
+STARTS = 5  # with fewer, another start may find more; from the second on it rarely does
 MUCH = 0.2  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
 _CLASSES = {OutputError.name: 0, Armax.name: 1, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
@@ -231,10 +232,11 @@ def _more_starts(result: Identification) -> NextStep | None:
     if result.evaluation.setting.held.start is not None:
         reason = "the search began at one saved fit only"
         return NextStep(reason, command(result, starts=STARTS, anew=True))
-    if starts >= (STARTS if stop.converged else MOST_STARTS):
+    wanted = STARTS if stop.converged else MORE_STARTS
+    if starts >= wanted:
         return None
     reason = "the search had few starting points" if stop.converged else "the search did not converge"
-    return NextStep(f"{reason} ({starts} starts)", command(result, starts=STARTS if stop.converged else MOST_STARTS))
+    return NextStep(f"{reason} ({starts} starts)", command(result, starts=wanted))
 
 
 def _general(result: Identification) -> NextStep | None:
@@ -330,11 +332,29 @@ def _options(recipe: Recipe) -> list[str]:
     return words
 
 
+def _of_a_joint(advice: Advice, percent: float) -> Advice:
+    """The same of the input of a joint, which has no orders and no input map: what its record needs.
+
+    An input that is persistently exciting of order n has n / 2 frequencies (Ljung, System Identification, 1999, 13.2).
+    """
+    is_fine, sentence = advice.severity == "fine", advice.sentence.partition(":")[0]
+    if advice.topic == "excitation":
+        name, frequencies = sentence.partition(" is persistently")[0], int(np.ceil(advice.value / 2))
+        word = "frequency" if frequencies == 1 else "frequencies"
+        sentence = f"{name} has {frequencies} {word} {'or more' if is_fine else 'only'}"
+    if is_fine:
+        return replace(advice, sentence=sentence)
+    command = ("design",) if percent >= POOR else ()  # which refuses what is no joint
+    return replace(advice, sentence=sentence, action=JOINT_RECORD, call="", command=command)
+
+
 def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
     """The finding without its action, if that names the fitted structure, or a weaker one than a structure that fits.
 
     `percent` is the fit in validation. A delay that the fitted orders cannot hold names these orders with it.
     """
+    if isinstance(fitted, ActuatedJoint) and advice.topic in ("excitation", "levels"):
+        return _of_a_joint(advice, percent)
     words = advice.command
     advised_structure = words[words.index("--structure") + 1] if "--structure" in words else ""
     if not advised_structure:

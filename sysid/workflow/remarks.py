@@ -10,8 +10,10 @@ from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import stop_tests
+from sysid.nlarx.result import NlarxFit
 
 WRONG = "the WRONG SIGN"
+JOINT_RECORD = "a joint needs a longer record, which reverses, reaches both ends and rests"
 _SETTLED = 0.2  # of the largest value of a step response, below which its end has no sign worth the name
 EXTRAPOLATED = 0.05  # of the range seen, by which a signal may leave it before a report speaks of it
 
@@ -79,6 +81,15 @@ def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:
     tests = stop_tests(fit, estimation)
     low, high = (name in tests and tests[name].met for name in ("end_low", "end_high"))
     return low, high
+
+
+def warnings_of(fit: Fit | NlarxFit, joint: bool) -> list[str]:
+    """The warnings of the fit; of a joint, which values its record does not determine, and what to record."""
+    if not joint or not isinstance(fit, Fit):
+        return list(fit.warnings)
+    names = np.array(fit.model.names)[fit.covariance.unidentifiable]
+    open_ = f"the data do not determine {', '.join(names)}; {JOINT_RECORD}: qpal design FILE"
+    return [open_ if text.startswith("the data do not determine") else text for text in fit.warnings]
 
 
 def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list[str]:

@@ -6,18 +6,25 @@ import re
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.signal
+from motion import Reference
 from often import often
 
+import sysid
 import twin
+from sysid.base.limits import MORE_STARTS
+from sysid.diagnosis.finding import Advice
 from sysid.diagnosis.residuals import poor
+from sysid.joint.posterior import _warnings
 from sysid.selection.table import Selection
-from sysid.structures import OutputError
+from sysid.structures import ActuatedJoint, OutputError
 from sysid.workflow.identification import identify_file
-from sysid.workflow.next_step import next_step
+from sysid.workflow.next_step import _more_starts, advice_after_fit, next_step
+from sysid.workflow.remarks import JOINT_RECORD, warnings_of
 from sysid.workflow.setting import Setting
 from twin.cli import main
 
@@ -193,3 +200,42 @@ def test_a_search_that_had_no_time_for_all_goes_on_from_its_journal(left_out, jo
     assert float(given["--seconds"]) == 150.0
     assert given.get("--resume") == journal
     assert given["--starts"] == "1", "a journal belongs to its search"
+
+
+def test_a_joint_is_told_what_its_record_needs_and_not_of_orders_and_maps(here, capsys):
+    """An arm under a sine; the command that its advice names designs the next record."""
+    u = 6.0 * np.sin(2 * np.pi * np.arange(900) / 100 + 0.3)
+    arm = {"gain": 1.5, "lag": 1.2, "rise": 1.0, "fall": 1.2, "delay": 0.4, "x0": 35.0}
+    y = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **arm).run(u) + 0.1 * np.random.default_rng(1).normal(size=900)
+    rows = np.column_stack([0.1 * np.arange(900), u, y])
+    np.savetxt("arm.csv", rows, delimiter=",", header="time [s],u [V],angle [deg]", comments="", fmt="%.9g")
+    said = {a["topic"]: a for a in identified(["arm.csv", "--structure", "actuated_joint"], capsys)["advice"]}
+    assert said["excitation"]["sentence"] == "u has 1 frequency only"
+    needs, _, line = said["excitation"]["action"].partition(": ")
+    assert needs == JOINT_RECORD
+    assert shlex.split(line) == ["qpal", "design", "arm.csv"]
+    assert main([*shlex.split(line)[1:], "--out", "next"]) == 0
+    levels = Advice("levels", "u takes 3 distinct level(s): it shows", 3, "use a model without", "note", call="f()")
+    few = advice_after_fit(levels, ActuatedJoint(), 50.0)
+    assert (few.sentence, few.action, few.command) == ("u takes 3 distinct level(s)", JOINT_RECORD, ())
+    assert advice_after_fit(levels, OutputError(), 50.0) == levels
+
+
+def test_a_joint_is_told_which_values_its_record_does_not_determine():
+    fit = sysid.load(Path(__file__).parents[1] / "saved/v1/joint_jams.json")
+    (plain,) = (text for text in fit.warnings if "do not determine" in text)
+    assert plain.startswith("the data do not determine 2 of 5 parameters of play")
+    (told,) = (text for text in warnings_of(fit, joint=True) if "do not determine" in text)
+    assert told == f"the data do not determine play.drag, play.pull0; {JOINT_RECORD}: qpal design FILE"
+    assert warnings_of(fit, joint=False) == list(fit.warnings)
+
+
+def test_one_number_of_starts_is_proposed():
+    """By the joint's own warning, and where a search did not converge."""
+    joint = SimpleNamespace(fit=None, stopped="", agreed=1, tried=5)
+    assert next(_warnings(joint, None)).endswith(f"try --starts {MORE_STARTS}")
+    stop, recipe = SimpleNamespace(converged=False), SimpleNamespace(starts=5, held=SimpleNamespace(start=None))
+    result = SimpleNamespace(evaluation=SimpleNamespace(fit=SimpleNamespace(stop=stop), setting=recipe))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sysid.workflow.next_step.command", lambda _, starts: f"--starts {starts}")
+        assert _more_starts(result).command == f"--starts {MORE_STARTS}"
