@@ -70,7 +70,8 @@ class Design:
 
     `fastest` [y/s] is the largest predicted speed, and so the hardest that the joint may meet an end. `now` are the
     joint's values from the first record, `then` those from a simulated record of this experiment: they hold if the
-    real joint is like the fit. `use`: what it brings for an input of the user's, if it was designed for one.
+    real joint is like the fit. `use`: what it brings for an input of the user's, if it was designed for one; `no_use`
+    says why it was not, where one was given.
     """
 
     targets: tuple[str, ...]
@@ -84,6 +85,7 @@ class Design:
     units: tuple[str, str] = ("", "")
     notes: tuple[str, ...] = ()
     use: Use | None = None
+    no_use: str = ""
 
     @property
     def duration(self) -> float:
@@ -103,6 +105,7 @@ class Design:
             "then": [vars(v) for v in self.then],
             "notes": list(self.notes),
             "use": None if self.use is None else {"deviation": self.use.deviations, "steps": self.use.steps},
+            "no_use": self.no_use or None,
         }
 
 
@@ -129,9 +132,9 @@ def design(
     otherwise the input keeps it within the range of `data` where `data` shows no stop. `use` (N,), an input every
     `data.Ts`: the experiment is made of the parts for `targets`, and pieces of this input, that shrink the band of the
     free run over it most for their time (`sysid.joint.use`), in samples of `data.Ts`, for a fit to both records; it has
-    those that are found before the `clock` is late. Raises InputError for a fit without a motor, an unknown
-    target, a sampling time that does not suit, a joint that does not move under these limits, and the errors of
-    `sysid.joint_values`.
+    those that are found before the `clock` is late, and where there are none it is that without `use`. Raises
+    InputError for a fit without a motor, an unknown target, a sampling time that does not suit, a joint that does not
+    move under these limits, and the errors of `sysid.joint_values`.
     """
     targets = tuple(targets)
     for name in targets:
@@ -147,15 +150,19 @@ def design(
         if value is not None and not 0.0 < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number, or leave it out")
     top = float(np.abs(data.u).max()) if volts is None else volts
-    Ts = data.Ts if use is not None and Ts is None else Ts  # both records are identified together
-    work = _Plan(Course.of(fit, data, top, strike, _sampling(fit, Ts), to_stops), np.random.default_rng([seed, 14]))
+    rate = data.Ts if use is not None and Ts is None else Ts  # both records are identified together
+    work = _Plan(Course.of(fit, data, top, strike, _sampling(fit, rate), to_stops), np.random.default_rng([seed, 14]))
     course, for_use = work.course, None
     parts = [(name, partial(_PARTS[name], work, k)) for k in range(len(PLACES)) for name in TARGETS if name in targets]
     if use is None:
         for _, run in parts:
             run()
     else:
-        for_use, added = add_parts_for_use(fit, data, use, course, parts, reading_noise(data), clock or Clock())
+        try:
+            for_use, added = add_parts_for_use(fit, data, use, course, parts, reading_noise(data), clock or Clock())
+        except InputError as error:
+            plain = design(fit, data, targets, volts, strike, seed, Ts, complete, to_stops)
+            return replace(plain, no_use=f"{error}. The experiment is that without this input")
         work.phases[:] = [Phase(name, first, last, PURPOSES[name]) for name, first, last in added]
     u, y = course.inputs(), course.outputs()
     value_names = [name for target in targets for name in TARGETS[target]]

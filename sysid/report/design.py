@@ -35,6 +35,7 @@ def page(result: Proposal, file: str) -> Page:
         [
             Section("Experiment", tables=[phases(d)], pictures=[picture]),
             *([] if d.use is None else [use_section(d, data.y_name)]),
+            *([Section("On your input", [f"{capital(d.no_use)}."])] if d.no_use else []),
             Section("What it would tell", tables=[values(d)]),
         ],
         versions(),
@@ -51,6 +52,7 @@ def sentences(result: Proposal, file: str) -> list[str]:
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
         f"end stop. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
         *([] if d.use is None else [_use_sentence(d)]),
+        *([f"{capital(d.no_use)}."] if d.no_use else []),
         *(f"{capital(note)}." for note in d.notes),
     ]
 

@@ -121,6 +121,23 @@ def test_the_command_reads_an_input_of_another_sampling_time_and_shows_what_it_b
     assert main(["design", str(log), "--for-use", str(use), "--out", str(out)]) != 0
 
 
+def test_where_no_experiment_helps_the_report_says_why_and_has_the_one_without_the_input(first, tmp_path):
+    """Under 0.05 V the joint stands, which its record tells."""
+    data, _ = first
+    log, use, out = written(data, tmp_path / "log.csv"), tmp_path / "use.csv", tmp_path / "out"
+    rows = np.column_stack([np.arange(300) * TS, 0.05 * np.sin(np.arange(300) * TS)])
+    np.savetxt(use, rows, delimiter=",", header="time [s],u [V]", comments="", fmt="%.9g")
+    assert main(["design", str(log), "--to-stops", "--out", str(tmp_path / "plain")]) == 0
+    assert main(["design", str(log), "--for-use", str(use), "--to-stops", "--out", str(out)]) == 0
+    summary, plain = (json.loads((folder / "summary.json").read_text()) for folder in (out, tmp_path / "plain"))
+    assert summary["use"] is None
+    assert "off by 0 deg, little beside a reading" in summary["no_use"]
+    assert summary["phases"] == plain["phases"]
+    assert (out / "design.csv").read_text() == (tmp_path / "plain/design.csv").read_text()
+    assert (out / "report.html").read_text().count("the first record tells what this input needs") >= 2
+    assert not (out / "figures/use.png").exists()
+
+
 @pytest.mark.parametrize(
     ("wanted", "found"), [(np.full(50, 3.0), "50 samples from 3 to 3"), (np.arange(3), "has 3 samples")]
 )
