@@ -6,21 +6,28 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number, percent
+from sysid.base.quantities import Quantity, capital, display_quantity, number, percent
 from sysid.data.record import IOData
+from sysid.diagnosis.finding import channel
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, scaled
 from sysid.plots.free_runs import MEASURED, Run, free_runs_figure, output
+from sysid.plots.records import Signal, stack_figure
 from sysid.plots.residual_tests import residuals_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.verdict import residuals_in_words
+from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import CLOSE, ModelRun, Models, comparable, criteria_of
 from sysid.workflow.saved import one_output
 
 SHOWN = 6  # models that get a line in the overlay, and a panel of their own
 
 
-def run_page(result: ModelRun) -> Page:
+def run_page(result: ModelRun | InputRun) -> Page:
     """The whole report."""
+    if isinstance(result, InputRun):
+        picture = Picture.of("free-run", input_run_figure(result), "The input, and the model's run from rest.")
+        section = Section("Free run", tables=run_tables(result), pictures=[picture])
+        return Page(*_title(result), run_sentences(result), [section], versions())
     n, data = result.n_init, result.data
     caption = (
         f"Measured output, the model's free run, and their difference. The free run uses only the input and the first "
@@ -43,17 +50,19 @@ def run_page(result: ModelRun) -> Page:
         caption = f"{tests_in_words(result)} {result.tests.rule}"
         picture = Picture.of("residuals", residuals_figure(result.tests), caption)
         sections.append(Section("Residual tests", pictures=[picture]))
-    return Page(
-        f"{result.model.path.name} on {result.record.path.name}",
-        f"{result.model.fit.model.structure.replace('_', ' ')}; {data.N} samples, Ts {data.Ts:g} s",
-        run_sentences(result),
-        sections,
-        versions(),
-    )
+    return Page(*_title(result), run_sentences(result), sections, versions())
 
 
-def run_sentences(result: ModelRun) -> list[str]:
+def _title(result: ModelRun | InputRun) -> tuple[str, str]:
+    structure, data = result.model.fit.model.structure.replace("_", " "), result.data
+    title = f"{result.model.path.name} on {result.record.path.name}"
+    return title, f"{structure}; {data.N} samples, Ts {data.Ts:g} s"
+
+
+def run_sentences(result: ModelRun | InputRun) -> list[str]:
     """How well the model follows the record, what to know about it, and what to do next."""
+    if isinstance(result, InputRun):
+        return [f"{capital(note)}." for note in result.notes]
     was = result.model.estimation
     lines = [
         f"In free run the model follows the record to {percent(result.percent)}"
@@ -82,8 +91,12 @@ def tests_in_words(result: ModelRun) -> str:
     return f"The residuals of the free run are {residuals_in_words(t)}."
 
 
-def run_tables(result: ModelRun) -> list[Grid]:
-    """Fit and error of each output."""
+def run_tables(result: ModelRun | InputRun) -> list[Grid]:
+    """Fit and error of each output, or the range of each that has no measurement."""
+    if isinstance(result, InputRun):
+        shown = [(y.name, scaled(run, y.factor), y.unit) for y, run in _runs(result)]
+        rows = [[name, number(float(run.min())), number(float(run.max())), unit] for name, run, unit in shown]
+        return [Grid(["output", "smallest", "largest", "unit"], rows)]
     a, rows = result.ahead, []
     for j, (fit, rmse) in enumerate(zip(result.percents, result.rmse, strict=True)):
         record = one_output(result.data, j)
@@ -115,6 +128,21 @@ def _prediction_method(result: ModelRun) -> str:
         f"residuals by an autoregression, which is that of the residuals of {source} (Ljung, System Identification, "
         "1999, section 3.2). With white residuals it is the free run."
     )
+
+
+def _runs(result: InputRun) -> list[tuple[Quantity, np.ndarray]]:
+    """Each output of the run, as it is shown."""
+    outputs = _outputs(result.data)
+    return [(display_quantity(e.y_name, e.y_unit), run) for e, run in zip(outputs, result.output.T, strict=True)]
+
+
+def input_run_figure(result: InputRun) -> Figure:
+    """Each input, and each output of the run."""
+    data = result.data
+    inputs = [(display_quantity(channel(data, "u", i), data.u_unit), u) for i, u in enumerate(data.u.T)]
+    signals = [Signal(quantity, u, "input", style.INPUT, steps=True) for quantity, u in inputs]
+    signals += [Signal(quantity, run, "free run", style.MODEL) for quantity, run in _runs(result)]
+    return stack_figure(data.t, signals)
 
 
 def run_figure(result: ModelRun) -> Figure:

@@ -13,6 +13,7 @@ from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.nlarx.result import NlarxFit
+from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
 from sysid.workflow.results import NextStep
 from sysid.workflow.saved import Reading, Saved, data_for, fell, load_models, remarks
@@ -80,15 +81,24 @@ class ModelRun:
 
 def run_file(
     model: str, reading: Reading, horizon: int | None = None, running: Callable[[], None] = lambda: None
-) -> ModelRun:
+) -> ModelRun | InputRun:
     """The model saved at `model` on a record, with the prediction `horizon` samples ahead if that is given.
+
+    A file with inputs alone gives the run from rest.
 
     Raises InputError for files that cannot be read, do not belong together, or are too short.
     """
     if horizon is not None and horizon < 1:
         raise InputError(f"--horizon is {horizon}; give a number of samples of at least 1")
     (model_file,) = load_models([model])
-    record = reading.record()
+    try:
+        record = reading.record()
+    except InputError:
+        inputs = record_of_inputs(model_file.fit, reading)
+        if inputs is None:
+            raise
+        running()
+        return run_inputs(model_file, inputs, reading, horizon)
     data, notes = data_for(model_file.fit, record, reading)
     running()
     return on_record(model_file, record, data, notes, reading, horizon)
@@ -135,14 +145,15 @@ def rms(e: np.ndarray) -> float:
     return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else np.inf
 
 
-def write_outputs(result: ModelRun, path: Any) -> None:
-    """The record and the model's outputs as a table: time [s], inputs, measured, free run, prediction."""
+def write_outputs(result: ModelRun | InputRun, path: Any) -> None:
+    """The record and the model's outputs as a table: time [s], inputs, measured if any, free run, prediction."""
     data = result.data
     columns: dict[str, np.ndarray] = {"time_s": data.t}
     columns |= _columns_of(data.u, data.u_name or "u", data.u_unit)
-    columns |= _columns_of(data.y, data.y_name or "y", data.y_unit)
+    if isinstance(result, ModelRun):
+        columns |= _columns_of(data.y, data.y_name or "y", data.y_unit)
     columns |= _columns_of(result.output, data.y_name or "y", data.y_unit, "_free_run")
-    if result.ahead is not None:
+    if isinstance(result, ModelRun) and result.ahead is not None:
         columns |= _columns_of(result.ahead.output, data.y_name or "y", data.y_unit, f"_ahead_{result.ahead.horizon}")
     rows = zip(*(column.tolist() for column in columns.values()), strict=True)
     text = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]

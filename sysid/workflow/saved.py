@@ -233,8 +233,11 @@ def _check_units(fit: AnyFit, record: Record) -> None:
         )
 
 
-def remarks(fit: AnyFit, data: IOData) -> list[str]:
-    """What a reader of this free run should know: inputs beyond the estimation data's, runs that leave it."""
+def remarks(fit: AnyFit, data: IOData, run: np.ndarray | None = None) -> list[str]:
+    """What a reader of this free run should know: inputs beyond the estimation data's, runs that leave it.
+
+    `run` is that from rest of a record without outputs.
+    """
     levelled, sentences = fit.own_level(data), []
     low, high = fit.u_span
     if high > low:
@@ -248,9 +251,13 @@ def remarks(fit: AnyFit, data: IOData) -> list[str]:
                 f"{high + shift:.4g}"
                 f"{unit}, which the estimation data cover: the model extrapolates there"
             )
-    trouble = fit.divergence(data)
+    trouble: str | None
+    if run is not None:
+        trouble = None if np.isfinite(run).all() else "the run from rest diverges: the model is not stable there"
+    else:
+        trouble = fit.divergence(data)
     if isinstance(fit, NlarxFit):
-        trouble = trouble or fit.excursion(data)
+        trouble = trouble or (fit.excursion(data) if run is None else None)
     else:
         sentences += fit.model.remarks(fit.theta, levelled.u)
     return [*sentences, trouble] if trouble else sentences

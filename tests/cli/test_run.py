@@ -127,6 +127,39 @@ def test_the_outputs_are_a_table_at_the_record_s_level(place, capsys, monkeypatc
     assert "NOT a free run" in html
 
 
+def test_inputs_alone_are_run_from_rest(place, capsys, monkeypatch, tmp_path):
+    """By `sysid.Fit.simulate` of the input alone, which counts from the means of the estimation data."""
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    raw = rows()[300:]
+    write(tmp_path / "alone.csv", raw[:, :2], "time_s,volts_V")
+    found = summary_of(["run", "fit/model.json", str(tmp_path / "alone.csv"), "--out", "alone"], capsys)
+    assert found["fit_percent"] is None
+    assert found["notes"][0].startswith("the record has no output to compare with: the model runs from rest")
+    assert found["notes"][0].endswith("counted from the levels of its estimation data")
+    with (place / "alone" / "simulated.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert list(table[0]) == ["time_s", "volts_V", "height_free_run_m"]
+    fit, run = sysid.load("fit/model.json"), np.array([float(row["height_free_run_m"]) for row in table])
+    np.testing.assert_allclose(run, fit.simulate(raw[:, 1] - fit.u_offset[0]) + fit.y_offset[0], atol=1e-12)
+    np.testing.assert_allclose(run[30:], fit.simulate(sysid.IOData(raw[:, 1], 1e-3 * raw[:, 2], 0.1))[30:], atol=2e-4)
+    assert (place / "alone/figures/free-run.png").exists()
+    (tmp_path / "map.toml").write_text('[clock]\ncolumn = "time_s"\n[[input]]\ncolumn = "volts_V"\n')
+    arguments = ["run", "fit/model.json", str(tmp_path / "alone.csv")]
+    mapped = summary_of([*arguments, "--map", str(tmp_path / "map.toml"), "--range", "10:", "--out", "mapped"], capsys)
+    assert mapped["read"]["samples"] == 200
+    (tmp_path / "column.csv").write_text("\n".join(["volts_V", *map(repr, raw[:, 1].tolist())]))
+    column = ["run", "fit/model.json", str(tmp_path / "column.csv"), "--ts", "0.1", "--out", "column"]
+    assert summary_of(column, capsys)["read"]["samples"] == 300
+    assert "no sampling time is given" in refused([*column[:3], "--out", "column"], capsys)
+    assert "--horizon is 2 and" in refused([*arguments, "--horizon", "2"], capsys)
+    write(tmp_path / "current.csv", raw[:, :2], "time_s,current_A")
+    other = [*arguments[:2], str(tmp_path / "current.csv"), "--input", "current_A"]
+    assert "the input is in A and the model's in V" in refused(other, capsys)
+    write(tmp_path / "height.csv", raw[:, [0, 2]], "time_s,height_mm")
+    assert "no column is left for the input" in refused([*arguments[:2], str(tmp_path / "height.csv")], capsys)
+
+
 def refused(arguments, capsys):
     assert main(arguments) == 2
     out, err = capsys.readouterr()

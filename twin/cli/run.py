@@ -35,7 +35,7 @@ def run(
 ) -> None:
     """Run a saved model on a new record.
 
-    The report has its free run and its fit; simulated.csv has the outputs.
+    The report has its free run and its fit; simulated.csv has the outputs. A file with inputs alone is run from rest.
 
     The record stays raw: the model knows the offsets that were removed from its estimation data.
 
