@@ -14,6 +14,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.base.handlers import Shown, handler
+from sysid.base.limits import MORE_STARTS
 from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -254,7 +255,8 @@ def _warnings(joint: JointFit, data: IOData) -> Iterator[str]:
         yield joint.stopped
     elif joint.agreed < 2 <= joint.tried:
         yield (
-            f"only one of the last {joint.tried} searches led to this joint, so a better one may exist; try --starts 20"
+            f"only one of the last {joint.tried} searches led to this joint, so a better one may exist; try --starts "
+            f"{MORE_STARTS}"
         )
     y = data.y[data.observed[:, 0], 0]
     percent = 100.0 * (1.0 - float(np.sqrt(fit.criteria.mse)) / max(float(np.std(y)), 1e-300))

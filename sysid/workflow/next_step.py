@@ -122,7 +122,7 @@ def _ends(result: Identification) -> NextStep | None:
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
-    reason = f"{rests.partition(':')[0]}, and this model has none"
+    reason = f"{rests.partition(':')[0]}, and this model has no end stops"
     return NextStep(reason, command(result, structure=ActuatedJoint.name))
 
 
