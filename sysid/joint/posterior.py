@@ -224,14 +224,17 @@ class _Search:
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
+        ends, count = fit, rough.N
         data, at_rate = self.data, chain_at_rate(plain.model, k)
         units = units_of(at_rate, theta_at_rate(plain.model, plain.theta, k), data)
         if k > 1:
             fit = _at_rate(fit, data, k, self.options, joint_objective(chain_at_rate(full, k), units, level))
             places = places_around(fit, data, colour_level(fit, data), rng)
             part, level = data.portion(2 * ENOUGH_SAMPLES), float(np.sqrt(fit.criteria.mse))
-            fit = self._round(fit.model, np.array([fit.theta, *places]), part, units, level)
-        heights = 0.5 * data.N / fit.criteria.mse * (np.array(fit.losses) - min(fit.losses))
+            again = self._round(fit.model, np.array([fit.theta, *places]), part, units, level)
+            if again.fit_percent(data) > fit.fit_percent(data):  # else the part lacks what the whole shows
+                fit, ends, count = again, again, part.N
+        heights = 0.5 * count / ends.criteria.mse * (np.array(ends.losses) - min(ends.losses))
         fit = _at_rate(fit, data, 1, self.options, joint_objective(fit.model, units, colour_level(fit, data)))
         return fit, int(np.sum(heights <= _SAME)), len(heights)
 
