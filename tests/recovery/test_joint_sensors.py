@@ -11,6 +11,7 @@ from motion import Reference
 import sysid
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import with_initial_states
+from sysid.joint import posterior
 from sysid.joint.evidence import stop_tests
 from sysid.joint.full import colour_level
 from sysid.joint.values import joint_values
@@ -275,3 +276,26 @@ def test_a_sweep_against_both_ends_meets_both():
     tests = stop_tests(sysid.fit_joint(data).fit, data)
     assert all(test.met for test in tests.values())
     assert abs(tests["end_high"].farthest - tests["end_low"].farthest - (40.0 - 0.8)) < 0.5
+
+
+def test_a_part_of_a_long_record_does_not_replace_what_the_whole_shows(monkeypatch):
+    """The last search of a record that was thinned goes over its first 5000 samples; here it is led astray."""
+    k, searched = np.arange(5200), []
+    original = posterior._Search._round
+
+    def astray(self, chain, points, data, units, level):
+        fit = original(self, chain, points, data, units, level)
+        searched.append(data.N)
+        if data.N == 5000:
+            wrong = {"motor.gain": 0.2, "motor.lag": 10.0, "motor.rise": 2.0, "motor.upper": 0.6}
+            fit = replace(fit, theta=fit.theta * [wrong.get(name, 1.0) for name in fit.model.names])
+        return fit
+
+    monkeypatch.setattr(posterior._Search, "_round", astray)
+    monkeypatch.setattr(posterior, "_ROUNDS", 1)
+    u = 2.6 * np.sign(np.sin(k**1.05 / 90.0))
+    y = Reference(lambda x: 0.3, **{**ARM, "gain": 0.15, "lag": 2.0}).run(u)
+    data = IOData(u, y + 0.1 * np.random.default_rng(4).standard_normal(len(k)), ARM_TS, u_unit="V", y_unit="deg")
+    fit = sysid.fit_joint(data).fit
+    assert 5000 in searched
+    assert fit.criteria.mse < 1.1 * 0.1**2
