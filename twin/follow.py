@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -126,6 +127,11 @@ class Follower:
     @property
     def _steps(self) -> int:
         return int(np.ceil(self.log.N * self.log.Ts / TIMESTEP)) + 1
+
+    @cached_property
+    def commands(self) -> np.ndarray:
+        """The input (steps,) [V] at every simulation step."""
+        return self._commands()[:, 0]
 
     def _commands(self) -> np.ndarray:
         """The input (steps, 1) at every simulation step."""

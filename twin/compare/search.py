@@ -7,10 +7,13 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from twin.compare.effects import READ, SLOPE, START, ZERO, Knob, apply_knobs, knobs
+from twin.compare.structures import STRUCTURES
 from twin.follow import Follower
 from twin.parameters import Parameters
 
 Values = Mapping[str, float]
+# These need no simulation of their own: they change how a course is read.
+_READ = (*READ, *(name for structure in STRUCTURES.values() for name in structure.knobs))
 MOST = 24  # simulations in one batch: limits the memory in use
 
 
@@ -32,6 +35,7 @@ class Trials:
         f = self.follower
         first = (float(f.y[0]) - self.read.get(ZERO, 0.0)) / self.read.get(SLOPE, 1.0)
         table = knobs(self.parameters, f.joint, first, float(np.abs(f.u).max()))
+        table |= {row.name: row for structure in STRUCTURES.values() for row in structure.rows}
         self.knobs = table | {name: replace(table[name], nominal=value) for name, value in self.read.items()}
 
     def rows(self, states: Sequence[Values]) -> np.ndarray:
@@ -43,7 +47,7 @@ class Trials:
 
     def _key(self, state: Values) -> tuple:
         changes = {
-            name: value for name, value in state.items() if name not in READ and value != self.knobs[name].nominal
+            name: value for name, value in state.items() if name not in _READ and value != self.knobs[name].nominal
         }
         return tuple(sorted(changes.items()))
 
@@ -64,6 +68,10 @@ class Trials:
             self._courses |= dict(zip(part, courses.astype(np.float32), strict=True))
 
     def _read(self, course: np.ndarray, state: Values) -> np.ndarray:
+        for structure in STRUCTURES.values():
+            values = {name: state.get(name, self.knobs[name].nominal) for name in structure.knobs}
+            if any(values[name] != self.knobs[name].nominal for name in structure.knobs) and len(course) > 2:
+                course = structure.read(course.astype(float), self.follower.commands[: len(course)], values)
         delay, slope, zero = (state.get(name, self.knobs[name].nominal) for name in READ)
         return slope * self.follower.sample_course(course, delay) + zero
 

@@ -10,9 +10,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from twin.compare.departure import noise_of
-from twin.compare.effects import SLOPE, START, TABLE, ZERO
+from twin.compare.effects import SLOPE, START, ZERO
 from twin.compare.intervals import Value, values
+from twin.compare.remainder import VISIBLE, Remainder, remainder
 from twin.compare.search import Search, Trials, fit_all, refine, restart
+from twin.compare.structures import CAUSES
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
@@ -47,8 +49,9 @@ class Share:
 class Verdict:
     """RMS of the departure and standard deviation of the noise [rad]; every effect moved alone, best first.
 
-    `named`: the effects that explain the departure, in order, each beside those before it. `alike`: effects that
-    explain it as well as the first one does on this record. `chance`: the departure is no larger than noise makes it.
+    `named`: the effects that explain most of the departure, in order, each beside those before it; `left` is what they
+    leave. They are its cause only where that is nothing (`known`). `alike`: effects that explain as much as the first
+    one does on this record. `chance`: the departure is no larger than noise makes it.
     The departure is that of the first `seconds` [s] of the record, from the best start. `state`: all knobs that were
     moved and the start, as they fit best.
     """
@@ -62,11 +65,17 @@ class Verdict:
     seconds: float
     simulations: int
     state: Mapping[str, float]
+    left: Remainder
+
+    @property
+    def known(self) -> bool:
+        """Whether the departure is explained, in every part of the record alike."""
+        return self.left.none
 
     @property
     def first(self) -> str | None:
-        """The effect named first; None if there is no departure beyond noise."""
-        return self.named[0].effect if self.named else None
+        """The effect named first; None if there is no departure beyond noise, or none of the effects is its cause."""
+        return self.named[0].effect if self.named and self.known else None
 
     @property
     def explained(self) -> float:
@@ -75,7 +84,7 @@ class Verdict:
 
 
 def explain(
-    trials: Trials, tell: Callable[[str], None] = lambda text: None, effects: Sequence[str] = tuple(TABLE)
+    trials: Trials, tell: Callable[[str], None] = lambda text: None, effects: Sequence[str] = tuple(CAUSES)
 ) -> Verdict:
     """The verdict on the departure of the log of `trials` from its twin.
 
@@ -83,7 +92,7 @@ def explain(
     """
     joint, y = trials.follower.joint, trials.follower.y
     base = Search("", ())
-    singles = [Search(name, TABLE[name].knobs_of(joint)) for name in effects]
+    singles = [Search(name, CAUSES[name].knobs_of(joint)) for name in effects]
     for search in singles:
         if SLOPE in search.knobs:
             search.tries = _other_scale(trials)
@@ -93,17 +102,18 @@ def explain(
     restart(trials, singles[:2], y, noise_of(y) ** 2)
     singles.sort(key=lambda search: _score(search, len(y)))
     noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in singles))
-    winner = _better_than_chance(base, singles, len(y))
+    beyond = base.cost - noise_of(y) ** 2
+    winner = _better_than_chance(base, singles, len(y)) if beyond > VISIBLE**2 else None
     searches = [] if winner is None else [winner]
     while winner is not None and len(searches) < MOST and searches[-1].cost > _SETTLED * noise:
         last = searches[-1]
         names = last.name.split("+")
         candidates = [
-            Search(f"{last.name}+{name}", last.knobs + TABLE[name].knobs_of(joint), dict(last.state))
+            Search(f"{last.name}+{name}", last.knobs + CAUSES[name].knobs_of(joint), dict(last.state))
             for name in effects
             if name not in names
         ]
-        tell(f"beside {' and '.join(TABLE[name].words for name in names)}")
+        tell(f"beside {' and '.join(CAUSES[name].words for name in names)}")
         fit_all(trials, candidates, y, rounds=3)
         candidates.sort(key=lambda search: _score(search, len(y)))
         winner = _better_than_chance(last, candidates, len(y))
@@ -120,7 +130,7 @@ def explain(
     if searches:
         changes = _changes(trials, searches[-1], y)
         named_shares = [
-            Share(s.effect, s.share, s.rms, tuple(c for c in changes if c.name in TABLE[s.effect].knobs_of(joint)))
+            Share(s.effect, s.share, s.rms, tuple(c for c in changes if c.name in CAUSES[s.effect].knobs_of(joint)))
             for s in named_shares
         ]
     return Verdict(
@@ -133,6 +143,7 @@ def explain(
         trials.follower.log.N * trials.follower.log.Ts,
         trials.simulated,
         dict(searches[-1].state if searches else base.state),
+        remainder(trials, searches[-1] if searches else base, y),
     )
 
 
@@ -145,7 +156,7 @@ def _drop_superfluous(trials: Trials, base: Search, searches: list[Search], y: n
     joint, full = trials.follower.joint, searches[-1] if searches else base
     for name in names[:-1]:
         rest = [effect for effect in full.name.split("+") if effect != name]
-        knobs = tuple(knob for effect in rest for knob in TABLE[effect].knobs_of(joint))
+        knobs = tuple(knob for effect in rest for knob in CAUSES[effect].knobs_of(joint))
         search = Search("+".join(rest), knobs, {k: v for k, v in full.state.items() if k in (START, *knobs)})
         refine(trials, search, y)
         if _better_than_chance(search, [full], len(y)) is None:
@@ -155,7 +166,7 @@ def _drop_superfluous(trials: Trials, base: Search, searches: list[Search], y: n
     result = []
     for k in range(1, len(full.name.split("+")) + 1):
         part = full.name.split("+")[:k]
-        knobs = tuple(knob for effect in part for knob in TABLE[effect].knobs_of(joint))
+        knobs = tuple(knob for effect in part for knob in CAUSES[effect].knobs_of(joint))
         search = Search("+".join(part), knobs, {n: v for n, v in full.state.items() if n in (START, *knobs)})
         refine(trials, search, y)
         result.append(search)

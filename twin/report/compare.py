@@ -14,15 +14,23 @@ from sysid.report.sections import NOT_KNOWN, decimals, fixed_point
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.departure import DEFINITIONS
-from twin.compare.effects import TABLE
 from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
+from twin.compare.remainder import VISIBLE
+from twin.compare.structures import CAUSES, STRUCTURES
 from twin.compare.verdict import Change, Share, Verdict
 from twin.report import compare_figures as figures
 from twin.report import leg
 
 UNKNOWN = "not determined by this record"
-WORDS = {"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"}
+WORDS = {
+    **{"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"},
+    **{"spring_time": "time constant of the spring", "spring_damping": "its damping ratio"},
+    **{"cable_stretch": "stretch", "cable_way": "way over which it stretches"},
+    **{"creep_end": "creep in the end", "creep_time": "its time constant"},
+    **{"wave_sine": "sine of the error", "wave_cosine": "cosine of the error"},
+    **{"wave_turns": "waves a turn of the joint", "give": "give per volt", "give_time": "its time constant"},
+}
 
 
 def page(result: Comparison, file: str) -> Page:
@@ -97,29 +105,48 @@ def sentences(result: Comparison, file: str) -> list[str]:
 
 def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
     """What explains the departure, what acts alike, what is left, and what to do next."""
-    if verdict.chance:
+    if verdict.chance and verdict.known:
         return [
-            "No departure beyond noise: no effect improves the fit by more than chance (error "
-            f"{_deg(verdict.rms)} RMS over the first {verdict.seconds:g} s, with nothing moved)."
+            f"No departure that matters: over the first {verdict.seconds:g} s the error is {_deg(verdict.rms)} RMS with "
+            f"nothing moved, noise makes {_deg(verdict.noise)} of it, and no cause improves the fit by more than chance "
+            f"and {_deg(VISIBLE)}."
         ]
+    if not verdict.known:
+        return _of_unknown(verdict, joint)
     texts = [_of_share(share, k, verdict) for k, share in enumerate(verdict.named)]
-    first = TABLE[verdict.named[0].effect]
+    first = CAUSES[verdict.named[0].effect]
     for name in verdict.alike:
-        rival = TABLE[name]
+        rival = CAUSES[name]
         share = next(candidate.share for candidate in verdict.alone if candidate.effect == name)
         texts.append(
             f"On this record {first.words} and {rival.words} act alike: {rival.words} alone would explain "
             f"{_percent(share)}. To tell them apart, record {rival.why}: qpal simulate --joint {joint} {rival.record}."
         )
-    rest = 1.0 - verdict.explained
-    if rest > 0.05:
-        texts.append(f"{_percent(rest)} stays unexplained: the leg does something that the twin does not have.")
     texts.append(_next(verdict, joint, file))
     return texts
 
 
+def _of_unknown(verdict: Verdict, joint: str) -> list[str]:
+    """That no cause explains the departure, what came nearest, what it leaves, and the record that would tell more."""
+    texts = [
+        f"The leg does something that the twin does not have: of the departure of {_deg(verdict.rms)} RMS no cause that "
+        "was tried explains the whole, so none is named."
+    ]
+    left = verdict.left
+    if not verdict.named:
+        return [*texts, f"No cause lowers the error by more than chance, and {_deg(left.rms)} RMS of it is no noise."]
+    best = CAUSES[verdict.named[-1].effect]
+    words = " and ".join(CAUSES[share.effect].words for share in verdict.named)
+    reasons = [f"{_deg(left.rms)} RMS is left that is no noise"] if left.structured else []
+    if left.uneven:
+        reasons.append(f"the values that suit the record differ between {', and '.join(left.uneven)} parts of it")
+    texts.append(f"{capital(words)} came nearest ({_percent(verdict.explained)}), but {'; '.join(reasons)}.")
+    texts.append(f"Next: record {best.why}: qpal simulate --joint {joint} {best.record}, and compare that log too.")
+    return texts
+
+
 def _of_share(share: Share, k: int, verdict: Verdict) -> str:
-    effect = TABLE[share.effect]
+    effect = CAUSES[share.effect]
     values = "; ".join(_of_change(change) for change in share.changes)
     if k == 0:
         return (
@@ -148,7 +175,14 @@ def interval(value: Value | JointValue, factor: float, unknown: str, digits: int
 
 
 def _next(verdict: Verdict, joint: str, file: str) -> str:
-    free = [name for share in verdict.named for name in TABLE[share.effect].free_of(joint)]
+    free = [name for share in verdict.named for name in CAUSES[share.effect].free_of(joint)]
+    outside = [CAUSES[share.effect] for share in verdict.named if share.effect in STRUCTURES]
+    if outside:
+        cause = outside[0]
+        return (
+            f"The twin has no such part. Next: record {cause.why}, and compare that log too: qpal simulate --joint "
+            f"{joint} {cause.record}"
+        )
     if not free:
         return f"Next: qpal compare {file} --joint {joint} --align gear,offset, or correct the sensor's scale."
     return f"Next: qpal calibrate {file} --joint {joint} --free {','.join(dict.fromkeys(free))}"
@@ -230,7 +264,7 @@ def effect_table(verdict: Verdict) -> Grid:
     """Every effect moved alone, best first."""
     rows = [
         (
-            TABLE[share.effect].words,
+            CAUSES[share.effect].words,
             "–" if verdict.chance else _percent(share.share),
             number(display_quantity("", "rad").factor * share.rms, 3),
         )
@@ -247,7 +281,7 @@ def _change_tables(verdict: Verdict) -> list[Grid]:
             unit = display_quantity("", change.log.unit)
             rows.append(
                 (
-                    TABLE[share.effect].words,
+                    CAUSES[share.effect].words,
                     WORDS.get(change.name, change.name),
                     number(unit.factor * change.twin, 4),
                     number(unit.factor * change.log.value, 4),
@@ -269,7 +303,7 @@ def pair_table(result: Comparison) -> Grid:
 def _pair_row(pair: Pair) -> tuple[str, ...]:
     unit = display_quantity("", pair.log.unit)
     sides = [(number(unit.factor * v.value, 4), interval(v, unit.factor, "–")) for v in (pair.log, pair.other)]
-    effect = TABLE[EFFECTS[pair.name]].words
+    effect = CAUSES[EFFECTS[pair.name]].words
     return (
         JOINT_WORDS.get(pair.name, pair.name),
         effect,
@@ -306,13 +340,14 @@ def _effect_caption(verdict: Verdict) -> str:
         )
     best, longest = verdict.alone[0], max(verdict.alone, key=lambda share: share.share)
     text = (
-        "Share of the departure that vanishes when one effect alone is moved to fit the log. Filled: the effects that "
-        f"the verdict names. The best alone is {TABLE[best.effect].words}, {_percent(best.share)}"
+        "Share of the departure that vanishes when one cause alone is moved to fit the log. Filled: those that the "
+        f"verdict {'names' if verdict.known else 'finds nearest, and does not name'}. The best alone is "
+        f"{CAUSES[best.effect].words}, {_percent(best.share)}"
     )
     if _percent(longest.share) == _percent(best.share):
         return f"{text}."
     return (
-        f"{text}; {TABLE[longest.effect].words}, {_percent(longest.share)}, stands behind it because it moves more "
+        f"{text}; {CAUSES[longest.effect].words}, {_percent(longest.share)}, stands behind it because it moves more "
         "values (BIC)."
     )
 

@@ -14,7 +14,7 @@ from sysid.drawing.figure import Axis, Band, Bars, Figure, Item, Line, Panel, Ru
 from sysid.plots.free_runs import runs_figure
 from twin.compare.comparison import LOG, Comparison
 from twin.compare.departure import Spectrum
-from twin.compare.effects import TABLE
+from twin.compare.structures import CAUSES
 from twin.compare.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def effects(verdict: Verdict) -> Axes:
     """The share that each effect explains alone, best first; without a departure, the error that each one leaves."""
     (axes,) = style.panels(None, height=0.9 + 0.3 * len(verdict.alone))
     places = np.arange(len(verdict.alone))
-    axes.set_yticks(places, [TABLE[share.effect].words for share in verdict.alone])
+    axes.set_yticks(places, [CAUSES[share.effect].words for share in verdict.alone])
     if verdict.chance:  # shares of what is not there would make bars of any length
         errors = [DEG * share.rms for share in verdict.alone]
         axes.barh(places, errors, 0.6, color="none", edgecolor=style.MODEL, linewidth=1.0, label="one effect moved")
@@ -67,10 +67,11 @@ def effects(verdict: Verdict) -> Axes:
         axes.invert_yaxis()
         style.legend(axes)
         return axes
+    named = "named by the verdict" if verdict.known else "nearest, not named"
     verdict_effects = {share.effect for share in verdict.named}
     kinds: set[str] = set()
     for place, share in enumerate(verdict.alone):
-        kind = "named by the verdict" if share.effect in verdict_effects else "not named"
+        kind = named if share.effect in verdict_effects else "others"
         axes.barh(
             place,
             100 * share.share,

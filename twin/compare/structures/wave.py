@@ -1,0 +1,32 @@
+"""A sensor off its centre: y = x + sine sin(turns x) + cosine cos(turns x), `turns` of the sensor for one of the joint.
+
+The first harmonic of a disc or potentiometer that is mounted off its centre.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from twin.compare.effects import Knob
+from twin.compare.structures._declaration import structure
+
+SINE, COSINE, TURNS = "wave_sine", "wave_cosine", "wave_turns"
+
+
+def read(x: np.ndarray, u: np.ndarray, values: Mapping[str, float]) -> np.ndarray:
+    angle = values[TURNS] * x
+    return np.asarray(x + values[SINE] * np.sin(angle) + values[COSINE] * np.cos(angle))
+
+
+WAVE = structure(
+    "wave",
+    "a sensor off its centre",
+    (
+        Knob(SINE, "rad", 0.0, -0.2, 0.2, 0.005, (0.01,)),
+        Knob(COSINE, "rad", 0.0, -0.2, 0.2, 0.005),
+        Knob(TURNS, "1", 4.0, 0.8, 60.0, 1.0, (-3.0, 4.0, 12.0)),
+    ),
+    read,
+    "--excitation staircase --set amplitude=7,hold=0.1,steps=120,order=stairs",
+    "slow motion in both directions over the whole stroke",
+)
