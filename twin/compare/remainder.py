@@ -1,9 +1,9 @@
 """What a cause leaves of a departure: whether it is noise, and whether parts of the record agree on the cause.
 
-A wrong cause that is moved until it fits leaves errors with a structure, or needs other values in one part of the record
-than in another: in another half, direction, level or place. The values of a part are those of a Gauss-Newton step on
-its samples alone; their difference is held against its covariance, which allows for coloured errors (a Chow test,
-Econometrica 28, 1960, with the covariance of Newey and West).
+A wrong cause that is moved until it fits leaves errors with a structure, or needs other values in one part of the
+record than in another: in another half, direction, level or place. The values of a part are those of a Gauss-Newton
+step on its samples alone; their difference is held against its covariance, which allows for coloured errors (a Chow
+test, Econometrica 28, 1960, with the covariance of Newey and West).
 """
 
 from collections.abc import Mapping
@@ -48,7 +48,7 @@ class Remainder:
 
 def remainder(trials: Trials, search: Search, y: np.ndarray) -> Remainder:
     """What `search` at its end leaves of the log y (N,) [rad] of `trials`."""
-    (J,) = differences(trials, [Search(search.name, search.knobs, dict(search.state))])
+    (J,) = differences(trials, [search])
     e, columns = y - J[:, 0], J[:, 1:]
     left = float(np.sqrt(max(np.mean(e**2) - noise_of(y) ** 2, 0.0)))
     tests = residual_tests(e, trials.follower.u, _LAGS)
@@ -73,19 +73,20 @@ def _disagree(J: np.ndarray, e: np.ndarray, part: np.ndarray, limit: float) -> b
     """Whether the values that suit the samples of `part` and those that suit the others differ beyond chance."""
     if min(part.sum(), (~part).sum()) < _LEAST:
         return False
-    active = np.linalg.norm(J, axis=0) > 1e-10 * max(float(np.linalg.norm(J)), 1e-300)
-    J = J[:, active]
-    size, noise = np.linalg.norm(J, axis=0), noise_model(e, J, [len(e)])
-    change, covariance = np.zeros(J.shape[1]), np.zeros((J.shape[1], J.shape[1]))
-    for sign, mask in ((1.0, part), (-1.0, ~part)):
-        rows = np.where(mask[:, None], J, 0.0) / size
-        inverse = np.linalg.pinv(rows.T @ rows, rcond=_BLIND, hermitian=True) / size[:, None]
-        root = inverse @ long_run_covariance_root(e, rows, [len(e)], "auto", noise)[0]
-        change += sign * inverse @ (rows.T @ e)
-        covariance += root @ root.T
-    moves = float(np.sqrt(np.mean((J @ change) ** 2)))
-    scaled = covariance * np.outer(size, size)
-    inverse = np.linalg.pinv(scaled, rcond=_BLIND, hermitian=True)
-    rank = int(np.linalg.matrix_rank(scaled, rtol=_BLIND, hermitian=True))
-    distance = float((size * change) @ inverse @ (size * change))
-    return bool(moves > VISIBLE and chi2.sf(distance, max(rank, 1)) < limit)
+    J = J[:, np.linalg.norm(J, axis=0) > 1e-10 * max(float(np.linalg.norm(J)), 1e-300)]
+    size = np.linalg.norm(J, axis=0)
+    sides = [np.where(mask[:, None], J, 0.0) / size for mask in (part, ~part)]
+    inverses = [np.linalg.pinv(rows.T @ rows, rcond=_BLIND, hermitian=True) for rows in sides]
+    steps = [inverse @ (rows.T @ e) for inverse, rows in zip(inverses, sides, strict=True)]
+    # The errors' colour is that beside values of each part's own: a difference between the parts is no noise.
+    own = e - sum(rows @ step for rows, step in zip(sides, steps, strict=True))
+    noise = noise_model(own, J / size, [len(e)])
+    roots = [
+        inverse @ long_run_covariance_root(own, rows, [len(e)], "auto", noise)[0]
+        for inverse, rows in zip(inverses, sides, strict=True)
+    ]
+    change, covariance = steps[0] - steps[1], sum(root @ root.T for root in roots)
+    moves = float(np.sqrt(np.mean((J / size @ change) ** 2)))
+    inverse = np.linalg.pinv(covariance, rcond=_BLIND, hermitian=True)
+    rank = int(np.linalg.matrix_rank(covariance, rtol=_BLIND, hermitian=True))
+    return bool(moves > VISIBLE and chi2.sf(float(change @ inverse @ change), max(rank, 1)) < limit)

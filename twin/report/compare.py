@@ -107,9 +107,9 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
     """What explains the departure, what acts alike, what is left, and what to do next."""
     if verdict.chance and verdict.known:
         return [
-            f"No departure that matters: over the first {verdict.seconds:g} s the error is {_deg(verdict.rms)} RMS with "
-            f"nothing moved, noise makes {_deg(verdict.noise)} of it, and no cause improves the fit by more than chance "
-            f"and {_deg(VISIBLE)}."
+            f"No departure that matters: over the first {verdict.seconds:g} s the error is {_deg(verdict.rms)} RMS "
+            f"with nothing moved, noise makes {_deg(verdict.noise)} of it, and no cause improves the fit by more than "
+            f"chance and {_deg(VISIBLE)}."
         ]
     if not verdict.known:
         return _of_unknown(verdict, joint)
@@ -129,8 +129,8 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
 def _of_unknown(verdict: Verdict, joint: str) -> list[str]:
     """That no cause explains the departure, what came nearest, what it leaves, and the record that would tell more."""
     texts = [
-        f"The leg does something that the twin does not have: of the departure of {_deg(verdict.rms)} RMS no cause that "
-        "was tried explains the whole, so none is named."
+        f"The leg does something that the twin does not have: of the departure of {_deg(verdict.rms)} RMS no cause "
+        "that was tried explains the whole, so none is named."
     ]
     left = verdict.left
     if not verdict.named:
