@@ -7,9 +7,11 @@ import pytest
 
 from twin.compare import verdict as verdicts
 from twin.compare.departure import Spectrum
+from twin.compare.remainder import Remainder
 from twin.compare.verdict import Share, Verdict
 from twin.report import compare, compare_figures
 
+NONE = Remainder(0.0, white=True, uneven=())
 SHARES = {"delay": 0.15, "backlash": 0.01, "end_stop": 1.0, "friction": 0.68}
 
 
@@ -19,7 +21,7 @@ def verdict(shares, chance, named=()):
     left = {name: np.sqrt(rms**2 - share * (rms**2 - noise**2)) for name, share in shares.items()}
     alone = tuple(Share(name, share, left[name]) for name, share in shares.items())
     own = tuple(share for share in alone if share.effect in named)
-    return Verdict(rms, noise, alone, own, (), chance, 60.0, 100, {})
+    return Verdict(rms, noise, alone, own, (), chance, 60.0, 100, {}, NONE)
 
 
 def widths(axes):
@@ -37,7 +39,7 @@ def test_without_a_departure_bars_are_the_error_that_is_left():
     assert "%" not in caption
     assert "by more than chance" in caption
     (sentence,) = compare.verdict_sentences(found, "thigh", "log.csv")
-    assert sentence.endswith("(error 0.229 deg RMS over the first 60 s, with nothing moved).")  # one noise on the page
+    assert "over the first 60 s the error is 0.229 deg RMS with nothing moved" in sentence  # one noise on the page
     assert {row[1] for row in compare.effect_table(found).rows} == {"–"}
 
 
@@ -70,6 +72,7 @@ def test_an_effect_that_makes_nothing_better_leaves_what_nothing_moved_leaves(mo
 
     monkeypatch.setattr(verdicts, "fit_all", searched)
     monkeypatch.setattr(verdicts, "restart", lambda *_: None)
+    monkeypatch.setattr(verdicts, "remainder", lambda *_: NONE)
     log, y = SimpleNamespace(N=100, Ts=0.1), np.random.default_rng(0).normal(size=100)
     follower = SimpleNamespace(joint="thigh", y=y, log=log)
     found = verdicts.explain(SimpleNamespace(follower=follower, simulated=0), effects=("friction", "delay"))

@@ -2,18 +2,19 @@
 
 A wrong cause that is moved until it fits leaves errors with a structure, or needs other values in one part of the
 record than in another: in another half, direction, level or place. The values of a part are those of a Gauss-Newton
-step on its samples alone; their difference is held against its covariance, which allows for coloured errors (a Chow
-test, Econometrica 28, 1960, with the covariance of Newey and West).
+step on its samples alone. Two sets of values are held against one by an F test of the errors, whitened by their
+autoregression (Chow, Econometrica 28, 1960).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import f as f_distribution
 
 from sysid.diagnosis.residuals import residual_tests
-from sysid.estimation.noise_model import long_run_covariance_root, noise_model
+from sysid.estimation.noise_model import noise_model
 from twin.compare.departure import noise_of, speed_of
 from twin.compare.search import Search, Trials, differences
 
@@ -21,7 +22,7 @@ VISIBLE = float(np.deg2rad(0.05))  # RMS: smaller differences of a leg matter to
 _CHANCE = 0.01  # of calling a right cause wrong, over all splits
 _LAGS = 25
 _LEAST = 50  # samples of a part
-_BLIND = 1e-8  # of the largest: a direction that a part does not show
+_BLIND = 1e-6  # of the largest: a direction that a part does not show
 
 
 @dataclass(frozen=True)
@@ -74,19 +75,18 @@ def _disagree(J: np.ndarray, e: np.ndarray, part: np.ndarray, limit: float) -> b
     if min(part.sum(), (~part).sum()) < _LEAST:
         return False
     J = J[:, np.linalg.norm(J, axis=0) > 1e-10 * max(float(np.linalg.norm(J)), 1e-300)]
-    size = np.linalg.norm(J, axis=0)
-    sides = [np.where(mask[:, None], J, 0.0) / size for mask in (part, ~part)]
-    inverses = [np.linalg.pinv(rows.T @ rows, rcond=_BLIND, hermitian=True) for rows in sides]
-    steps = [inverse @ (rows.T @ e) for inverse, rows in zip(inverses, sides, strict=True)]
+    J = J / np.linalg.norm(J, axis=0)
+    both = np.hstack([np.where(mask[:, None], J, 0.0) for mask in (part, ~part)])
     # The errors' colour is that beside values of each part's own: a difference between the parts is no noise.
-    own = e - sum(rows @ step for rows, step in zip(sides, steps, strict=True))
-    noise = noise_model(own, J / size, [len(e)])
-    roots = [
-        inverse @ long_run_covariance_root(own, rows, [len(e)], "auto", noise)[0]
-        for inverse, rows in zip(inverses, sides, strict=True)
-    ]
-    change, covariance = steps[0] - steps[1], sum(root @ root.T for root in roots)
-    moves = float(np.sqrt(np.mean((J / size @ change) ** 2)))
-    inverse = np.linalg.pinv(covariance, rcond=_BLIND, hermitian=True)
-    rank = int(np.linalg.matrix_rank(covariance, rtol=_BLIND, hermitian=True))
-    return bool(moves > VISIBLE and chi2.sf(float(change @ inverse @ change), max(rank, 1)) < limit)
+    own = _left(both, e)
+    white = partial(noise_model(own, both, [len(e)]).white, lengths=[len(e)])
+    alike, apart = (float(np.sum(_left(white(X), white(e)) ** 2)) for X in (J, both))
+    ranks = [int(np.linalg.matrix_rank(white(X), rtol=_BLIND)) for X in (J, both)]
+    more, left = ranks[1] - ranks[0], len(e) - ranks[1]
+    visible = float(np.sqrt(np.mean((_left(J, e) - own) ** 2))) > VISIBLE
+    return bool(visible and more > 0 and f_distribution.sf((alike - apart) / more / (apart / left), more, left) < limit)
+
+
+def _left(X: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """What least squares on the columns of X (N, n) leaves of e (N,)."""
+    return np.asarray(e - X @ np.linalg.lstsq(X, e, rcond=_BLIND)[0])

@@ -14,7 +14,7 @@ from twin.compare.effects import SLOPE, START, ZERO
 from twin.compare.intervals import Value, values
 from twin.compare.remainder import VISIBLE, Remainder, remainder
 from twin.compare.search import Search, Trials, fit_all, refine, restart
-from twin.compare.structures import CAUSES
+from twin.compare.structures import CAUSES, STRUCTURES
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
@@ -94,22 +94,26 @@ def explain(
     base = Search("", ())
     singles = [Search(name, CAUSES[name].knobs_of(joint)) for name in effects]
     for search in singles:
-        if SLOPE in search.knobs:
-            search.tries = _other_scale(trials)
+        search.tries = _other_scale(trials) if SLOPE in search.knobs else _tries(search.name)
     tell("each effect alone")
     fit_all(trials, [base, *singles], y)
     singles.sort(key=lambda search: _score(search, len(y)))
     restart(trials, singles[:2], y, noise_of(y) ** 2)
     singles.sort(key=lambda search: _score(search, len(y)))
     noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in singles))
-    beyond = base.cost - noise_of(y) ** 2
-    winner = _better_than_chance(base, singles, len(y)) if beyond > VISIBLE**2 else None
+    winner = _better_than_chance(base, singles, len(y))
+    winner = winner if winner is None or base.cost - winner.cost > VISIBLE**2 else None
     searches = [] if winner is None else [winner]
     while winner is not None and len(searches) < MOST and searches[-1].cost > _SETTLED * noise:
         last = searches[-1]
         names = last.name.split("+")
         candidates = [
-            Search(f"{last.name}+{name}", last.knobs + CAUSES[name].knobs_of(joint), dict(last.state))
+            Search(
+                f"{last.name}+{name}",
+                last.knobs + CAUSES[name].knobs_of(joint),
+                dict(last.state),
+                tries=tuple({**last.state, **values} for values in _tries(name)),
+            )
             for name in effects
             if name not in names
         ]
@@ -145,6 +149,10 @@ def explain(
         dict(searches[-1].state if searches else base.state),
         remainder(trials, searches[-1] if searches else base, y),
     )
+
+
+def _tries(name: str) -> tuple[dict[str, float], ...]:
+    return STRUCTURES[name].tries if name in STRUCTURES else ()
 
 
 def _drop_superfluous(trials: Trials, base: Search, searches: list[Search], y: np.ndarray) -> list[Search]:
