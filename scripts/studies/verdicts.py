@@ -11,34 +11,44 @@ from study import MISSING, Study, markdown
 
 from twin.compare.effects import TABLE
 from twin.compare.search import Trials
-from twin.compare.standins import NOTHING, stand_in
+from twin.compare.standins import NOTHING, StandIn, stand_in
 from twin.compare.verdict import explain
 from twin.follow import Follower
 from twin.parameters import Parameters
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "compare.md"
-MARKS = ("<!-- verdicts: made by scripts/studies/verdicts.py -->\n", "<!-- end of verdicts -->")
+UNKNOWN, OTHER = "unknown", "other"
 
 
 def score(case: tuple[str, int], options: argparse.Namespace) -> dict:
     """The verdict on one stand-in, beside what was drawn."""
-    effect, seed = case
-    example = stand_in(effect, seed)
+    return judged(stand_in(*case))
+
+
+def judged(example: StandIn) -> dict:
+    """The verdict on a stand-in, beside what was drawn; `named` is "unknown" where no cause is."""
     verdict = explain(Trials(Follower(example.log, example.joint, threads=1), Parameters()))
     return {
-        "effect": effect,
-        "seed": seed,
+        "effect": example.effect,
         "joint": example.joint,
         "excitation": example.excitation,
         "size": example.size,
-        "named": verdict.first or NOTHING,
+        "named": verdict.first or (NOTHING if verdict.known else UNKNOWN),
         "alike": list(verdict.alike),
         "departure": float(np.degrees(verdict.rms)),
-        "left": float(np.degrees(verdict.alone[0].rms)),
-        "share": verdict.named[0].share if verdict.named else 0.0,
-        "others": [share.effect for share in verdict.named[1:]],
+        "left": float(np.degrees(verdict.left.rms)),
+        "uneven": list(verdict.left.uneven),
+        "share": verdict.explained,
+        "causes": [share.effect for share in verdict.named],
         "shares": {share.effect: round(share.share, 3) for share in verdict.alone},
     }
+
+
+def put_into_page(text: str, study: str) -> None:
+    """Put a table between the marks of its study in docs/compare.md."""
+    marks = f"<!-- {study}: made by scripts/studies/{study}.py -->\n", f"<!-- end of {study} -->"
+    head, _, rest = PAGE.read_text(encoding="utf-8").partition(marks[0])
+    PAGE.write_text(head + marks[0] + text + marks[1] + rest.partition(marks[1])[2], encoding="utf-8")
 
 
 def line(row: dict) -> str:
@@ -49,13 +59,14 @@ def line(row: dict) -> str:
 
 def table(rows: list[dict]) -> str:
     """The table of hits, and which effect was named for which."""
-    names = [*TABLE, NOTHING]
-    headings = ["off nominal", *(f"named {name}" for name in names), "hits", "departure [deg]"]
+    names = [*TABLE, OTHER, UNKNOWN, NOTHING]
+    headings = ["off nominal", *(f"named {name}" for name in names[:-2]), UNKNOWN, NOTHING, "hits", "departure [deg]"]
     lines = []
     for effect in names:
         group = [row for row in rows if row["effect"] == effect]
         if group:
-            counts = [sum(row["named"] == name for row in group) for name in names]
+            named = [row["named"] if row["named"] in names else OTHER for row in group]
+            counts = [named.count(name) for name in names]
             size = [row["departure"] for row in group]
             hits = f"{counts[names.index(effect)]} of {len(group)}"
             departure = f"{min(size):.2f} to {max(size):.2f}"
@@ -70,8 +81,7 @@ def summary(rows: list[dict], options: argparse.Namespace) -> str:
     quiet = [row["named"] == NOTHING for row in rows if row["effect"] == NOTHING]
     text = table(rows)
     if options.docs:
-        head, _, rest = PAGE.read_text(encoding="utf-8").partition(MARKS[0])
-        PAGE.write_text(head + MARKS[0] + text + MARKS[1] + rest.partition(MARKS[1])[2], encoding="utf-8")
+        put_into_page(text, "verdicts")
     return f"{text}\n{hits} of {len(effects)} named first; {sum(quiet)} of {len(quiet)} without a departure"
 
 
