@@ -15,13 +15,13 @@ NONE = Remainder(0.0, white=True, uneven=())
 SHARES = {"delay": 0.15, "backlash": 0.01, "end_stop": 1.0, "friction": 0.68}
 
 
-def verdict(shares, chance, named=()):
+def verdict(shares, chance, named=(), left=NONE):
     """Effects in the order of BIC, of which the later ones move more values."""
     rms, noise = 0.0040, 0.0030
-    left = {name: np.sqrt(rms**2 - share * (rms**2 - noise**2)) for name, share in shares.items()}
-    alone = tuple(Share(name, share, left[name]) for name, share in shares.items())
+    leaves = {name: np.sqrt(rms**2 - share * (rms**2 - noise**2)) for name, share in shares.items()}
+    alone = tuple(Share(name, share, leaves[name]) for name, share in shares.items())
     own = tuple(share for share in alone if share.effect in named)
-    return Verdict(rms, noise, alone, own, (), chance, 60.0, 100, {}, NONE)
+    return Verdict(rms, noise, alone, own, (), chance, 60.0, 100, {}, left)
 
 
 def widths(axes):
@@ -53,6 +53,25 @@ def test_the_caption_names_the_longest_bar_too():
 def test_one_bar_that_is_best_and_longest_is_named_once():
     caption = compare._effect_caption(verdict({"load": 0.97, "friction": 0.9}, False, ("load",)))
     assert caption.endswith("The best alone is load, 97 %.")
+
+
+@pytest.mark.parametrize(
+    ("named", "left", "says"),
+    [
+        ((), Remainder(0.002, white=False, uneven=()), "No cause lowers the error by more than chance and 0.05 deg,"),
+        (("load",), Remainder(0.002, white=False, uneven=()), "came nearest (97 %), but 0.115 deg RMS is left"),
+        (("load",), Remainder(0.0, white=True, uneven=("low and high voltages",)), "differ between low and high"),
+    ],
+)
+def test_a_cause_that_leaves_something_is_not_named(named, left, says):
+    found = verdict({"load": 0.97, "friction": 0.9}, not named, named, left)
+    assert found.first is None
+    texts = compare.verdict_sentences(found, "thigh", "log.csv")
+    assert texts[0].startswith("The leg does something that the twin does not have")
+    assert says in texts[1]
+    assert texts[-1].startswith("Next: record")
+    assert "qpal simulate --joint thigh" in texts[-1]
+    assert "calibrate" not in " ".join(texts)  # which would move values that are right
 
 
 @pytest.mark.parametrize(("known", "last"), [(".####.#...", 5.0), ("##########", 10.0), ("..........", 10.0)])

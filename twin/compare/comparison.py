@@ -79,7 +79,8 @@ class Comparison:
         """The summary of `qpal compare`, ready for JSON; without the time series."""
         verdict = None
         if self.verdict is not None:
-            verdict = {**asdict(self.verdict), "first": self.verdict.first, "explained": self.verdict.explained}
+            found = self.verdict
+            verdict = {**asdict(found), "first": found.first, "known": found.known, "explained": found.explained}
         return json_value(
             {
                 "kind": self.kind,

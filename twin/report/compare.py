@@ -23,6 +23,7 @@ from twin.report import compare_figures as figures
 from twin.report import leg
 
 UNKNOWN = "not determined by this record"
+_SMALLEST = f"{np.degrees(VISIBLE):g} deg"
 WORDS = {
     **{"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"},
     **{"spring_time": "time constant of the spring", "spring_damping": "its damping ratio"},
@@ -109,7 +110,7 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
         return [
             f"No departure that matters: over the first {verdict.seconds:g} s the error is {_deg(verdict.rms)} RMS "
             f"with nothing moved, noise makes {_deg(verdict.noise)} of it, and no cause improves the fit by more than "
-            f"chance and {_deg(VISIBLE)}."
+            f"chance and {_SMALLEST}."
         ]
     if not verdict.known:
         return _of_unknown(verdict, joint)
@@ -133,16 +134,17 @@ def _of_unknown(verdict: Verdict, joint: str) -> list[str]:
         "that was tried explains the whole, so none is named."
     ]
     left = verdict.left
+    best = CAUSES[(verdict.named or verdict.alone)[-1 if verdict.named else 0].effect]
+    following = f"Next: record {best.why}: qpal simulate --joint {joint} {best.record}, and compare that log too."
     if not verdict.named:
-        return [*texts, f"No cause lowers the error by more than chance, and {_deg(left.rms)} RMS of it is no noise."]
-    best = CAUSES[verdict.named[-1].effect]
+        none = f"No cause lowers the error by more than chance and {_SMALLEST}, and {_deg(left.rms)} RMS is no noise."
+        return [*texts, none, following]
     words = " and ".join(CAUSES[share.effect].words for share in verdict.named)
     reasons = [f"{_deg(left.rms)} RMS is left that is no noise"] if left.structured else []
     if left.uneven:
         reasons.append(f"the values that suit the record differ between {', and '.join(left.uneven)} parts of it")
     texts.append(f"{capital(words)} came nearest ({_percent(verdict.explained)}), but {'; '.join(reasons)}.")
-    texts.append(f"Next: record {best.why}: qpal simulate --joint {joint} {best.record}, and compare that log too.")
-    return texts
+    return [*texts, following]
 
 
 def _of_share(share: Share, k: int, verdict: Verdict) -> str:
