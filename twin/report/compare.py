@@ -1,5 +1,6 @@
 """The report of `qpal compare`: overlay, error by regime, frequency responses, residual tests and the verdict."""
 
+import math
 from collections.abc import Iterator
 
 from sysid.base import style
@@ -23,7 +24,7 @@ from twin.report import compare_figures as figures
 from twin.report import leg
 
 UNKNOWN = "not determined by this record"
-_SMALLEST = f"{np.degrees(VISIBLE):g} deg"
+_SMALLEST = f"{math.degrees(VISIBLE):g} deg"
 WORDS = {
     **{"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"},
     **{"spring_time": "time constant of the spring", "spring_damping": "its damping ratio"},
