@@ -34,7 +34,7 @@ def test_without_a_departure_bars_are_the_error_that_is_left():
     assert axes.get_xlabel() == "RMS of the error that is left [deg]"
     np.testing.assert_allclose(widths(axes), np.degrees([share.rms for share in found.alone]))
     assert axes.lines[0].get_xdata()[0] == pytest.approx(np.degrees(found.rms))
-    assert {t.get_text() for t in axes.get_legend().get_texts()} == {"one effect moved", "nothing moved"}
+    assert {t.get_text() for t in axes.get_legend().get_texts()} == {"one cause moved", "nothing moved"}
     caption = compare._effect_caption(found)
     assert "%" not in caption
     assert "by more than chance" in caption
@@ -69,7 +69,7 @@ def test_a_cause_that_leaves_something_is_not_named(named, left, says):
     texts = compare.verdict_sentences(found, "thigh", "log.csv")
     assert texts[0].startswith("The leg does something that the twin does not have")
     assert says in texts[1]
-    assert texts[-1].startswith("Next: record")
+    assert texts[-1].startswith("Next: play on the leg")
     assert "qpal simulate --joint thigh" in texts[-1]
     assert "calibrate" not in " ".join(texts)  # which would move values that are right
 

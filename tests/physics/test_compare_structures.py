@@ -102,7 +102,7 @@ def test_a_cable_that_the_twin_does_not_have_is_named():
     assert changes["cable_stretch"] == pytest.approx(0.03, rel=0.1)
     assert changes["cable_way"] == pytest.approx(0.04, rel=0.2)
     texts = " ".join(verdict_sentences(verdict, "shoulder", "log.csv"))
-    assert "The twin has no such part. Next: record" in texts
+    assert "The twin has no such part. Next: play on the leg" in texts
     assert "qpal calibrate" not in texts  # it could only move what is right
 
 
@@ -134,6 +134,17 @@ def test_parts_that_ask_for_other_values_are_uneven():
         found = remainder(trials, search, trials.follower.y)
         assert ("earlier and later" in found.uneven) == uneven
         assert found.none == (not uneven)
+
+
+def test_one_reading_far_off_is_not_called_noise():
+    """White, and far louder than the noise between the readings."""
+    log = recorded(lambda x, u: x)
+    y = np.array(log.y)
+    y[200] += np.deg2rad(30.0)
+    trials = trials_of(Log(log.u, y, log.Ts, joint=log.joint))
+    verdict = explain(trials, effects=("friction", "sensor"))
+    assert not verdict.known
+    assert np.degrees(verdict.left.rms) == pytest.approx(30.0 / np.sqrt(len(y)), rel=0.1)
 
 
 def test_a_departure_that_nobody_sees_is_none():

@@ -27,9 +27,10 @@ _BLIND = 1e-6  # of the largest: a direction that a part does not show
 
 @dataclass(frozen=True)
 class Remainder:
-    """RMS [rad] of what is left beyond noise, whether it is white, and `uneven`: the splits whose parts disagree.
+    """RMS [rad] of what is left beyond noise, whether it is white noise, and `uneven`: the splits whose parts disagree.
 
-    A split counts where chance does not explain the difference and it moves the response by more than `VISIBLE`.
+    White noise is neither coloured nor louder than that of the log, as an outlier makes it. A split counts where chance
+    does not explain the difference and it moves the response by more than `VISIBLE`.
     """
 
     rms: float
@@ -51,12 +52,15 @@ def remainder(trials: Trials, search: Search, y: np.ndarray) -> Remainder:
     """What `search` at its end leaves of the log y (N,) [rad] of `trials`."""
     (J,) = differences(trials, [search])
     e, columns = y - J[:, 0], J[:, 1:]
-    left = float(np.sqrt(max(np.mean(e**2) - noise_of(y) ** 2, 0.0)))
-    tests = residual_tests(e, trials.follower.u, _LAGS)
+    noise = noise_of(y) ** 2
+    left = float(np.sqrt(max(np.mean(e**2) - noise, 0.0)))
+    # The variance of the noise comes from second differences, of three readings each, in half of the record.
+    loud = f_distribution.sf(np.mean(e**2) / noise, len(e), len(e) / 6.0) < _CHANCE if noise > 0.0 else left > 0.0
+    white = residual_tests(e, trials.follower.u, _LAGS).white and not loud
     splits = _splits(y, trials.follower.u, trials.follower.log.Ts)
     limit = _CHANCE / len(splits)
     uneven = tuple(name for name, part in splits.items() if _disagree(columns, e, part, limit))
-    return Remainder(left, tests.white, uneven)
+    return Remainder(left, white, uneven)
 
 
 def _splits(y: np.ndarray, u: np.ndarray, Ts: float) -> Mapping[str, np.ndarray]:

@@ -136,7 +136,10 @@ def _of_unknown(verdict: Verdict, joint: str) -> list[str]:
     ]
     left = verdict.left
     best = CAUSES[(verdict.named or verdict.alone)[-1 if verdict.named else 0].effect]
-    following = f"Next: record {best.why}: qpal simulate --joint {joint} {best.record}, and compare that log too."
+    following = (
+        f"Next: play on the leg {best.why}, the input of: qpal simulate --joint {joint} {best.record}. Compare that "
+        "log too."
+    )
     if not verdict.named:
         none = f"No cause lowers the error by more than chance and {_SMALLEST}, and {_deg(left.rms)} RMS is no noise."
         return [*texts, none, following]
@@ -183,8 +186,8 @@ def _next(verdict: Verdict, joint: str, file: str) -> str:
     if outside:
         cause = outside[0]
         return (
-            f"The twin has no such part. Next: record {cause.why}, and compare that log too: qpal simulate --joint "
-            f"{joint} {cause.record}"
+            f"The twin has no such part. Next: play on the leg {cause.why}, and compare that log too; the input is "
+            f"that of: qpal simulate --joint {joint} {cause.record}"
         )
     if not free:
         return f"Next: qpal compare {file} --joint {joint} --align gear,offset, or correct the sensor's scale."

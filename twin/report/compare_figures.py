@@ -61,9 +61,9 @@ def effects(verdict: Verdict) -> Axes:
     axes.set_yticks(places, [CAUSES[share.effect].words for share in verdict.alone])
     if verdict.chance:  # shares of what is not there would make bars of any length
         errors = [DEG * share.rms for share in verdict.alone]
-        axes.barh(places, errors, 0.6, color="none", edgecolor=style.MODEL, linewidth=1.0, label="one effect moved")
+        axes.barh(places, errors, 0.6, color="none", edgecolor=style.MODEL, linewidth=1.0, label="one cause moved")
         axes.axvline(DEG * verdict.rms, color=style.INK, linewidth=0.9, linestyle="--", label="nothing moved")
-        axes.set(xlabel="RMS of the error that is left [deg]", title="each effect moved alone")
+        axes.set(xlabel="RMS of the error that is left [deg]", title="moved alone")
         axes.invert_yaxis()
         style.legend(axes)
         return axes
@@ -82,7 +82,7 @@ def effects(verdict: Verdict) -> Axes:
             label=None if kind in kinds else kind,
         )
         kinds.add(kind)
-    axes.set(xlabel="departure that vanishes [%]", xlim=(0, 102), title="each effect moved alone")
+    axes.set(xlabel="departure that vanishes [%]", xlim=(0, 102), title="moved alone")
     axes.invert_yaxis()
     style.legend(axes)
     return axes
