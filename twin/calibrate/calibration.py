@@ -10,19 +10,21 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.parallel import available_cores, one_blas_thread
 from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
+from twin.calibrate.agreement import agreement
 from twin.calibrate.identifiability import tell
-from twin.calibrate.leg import DELAY, ROWS, Leg, free, row_name, scale, usual
-from twin.calibrate.problem import Record, Simulations
-from twin.calibrate.result import LEVEL, Calibration, Run, Score, Value
+from twin.calibrate.leg import DELAY, OFFSET, ROWS, ZERO, Leg, free, row_name, scale, usual
+from twin.calibrate.problem import Simulations
+from twin.calibrate.result import LEVEL, Calibration, Value
+from twin.calibrate.runs import free_runs, score
 from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
+from twin.compare.remainder import VISIBLE
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters
 
 # Rows that no record of voltage and angle tells from friction; their spread is part of the intervals of the others.
 CONSIDERED = ("dead_band",)
-FIRST = 3  # samples that give the first angle of a log
 SHORT = 1.0  # standard deviations
 
 
@@ -42,14 +44,15 @@ def calibrate(
     labels: Sequence[str] | None = None,
     progress: Callable[[str], None] | None = None,
     seconds: float = np.inf,
+    by_run: Sequence[str] = (),
 ) -> Calibration:
     """Fit the twin's `joint` to `logs`, from `base` (nominal if None).
 
     `names` are the rows to free (those that records of voltage and angle usually tell, if None); rows in `fixed` are
-    known and keep their values. What the logs cannot tell is fixed too, with a sentence in `fixed`. After `seconds` the
-    search ends with the best so far, see `reason`; intervals and free runs take their time after that. Raises
-    InputError for unknown names, for seconds that are not positive, for logs that cannot be of this joint, and if
-    nothing is left to calibrate.
+    known and keep their values; rows `by_run`, and "zero" of the sensor, have a value of their own in each log. What
+    the logs cannot tell is fixed too, with a sentence in `fixed`. After `seconds` the search ends with the best so far,
+    see `reason`; intervals and free runs take their time after that. Raises InputError for unknown names, for seconds
+    that are not positive, for logs that cannot be of this joint, and if nothing is left to calibrate.
     """
     say = progress or (lambda text: None)
     if joint not in JOINTS:
@@ -59,20 +62,25 @@ def calibrate(
     if not logs:
         raise InputError("there is no log to calibrate from; give at least one")
     base = base or Parameters()
-    rows, known_rows = rows_to_free(joint, names, fixed, without), [row_name(joint, name) for name in fixed]
+    daily = _rows_by_run(joint, by_run, fixed, len(logs))
+    rows = tuple(row for row in rows_to_free(joint, names, fixed, without) if row not in daily)
+    known_rows = [row_name(joint, name) for name in fixed]
     labels = labels or [f"log {k + 1}" for k in range(len(logs) + len(held_out))]
     for log, label in zip((*logs, *held_out), labels, strict=False):
         check_plausible(log, joint, base, label)
     settings = (tuple(without), pot_side, realisation, threads or available_cores())
+    of_runs = (*settings, daily)
     time = Options(max_seconds=seconds).begun()
     with one_blas_thread():
         say("actuated joint as a start")
         start = from_joint(logs, joint, base, rows, seed, time)
         say("what the logs can tell")
         nuisance_rows = [
-            row for row in CONSIDERED if row not in (*rows, *known_rows) and row not in rows_without_effect(without)
+            row
+            for row in CONSIDERED
+            if row not in (*rows, *known_rows, *daily) and row not in rows_without_effect(without)
         ]
-        first = _problem(Leg(joint, start.parameters, (*rows, *nuisance_rows), *settings), logs, labels)
+        first = _problem(Leg(joint, start.parameters, (*rows, *nuisance_rows), *of_runs), logs, labels)
         if first.residual(first.start) is None:
             raise InputError(
                 f"the twin's {joint} cannot be simulated with these parameters; start from others (--params)"
@@ -87,7 +95,7 @@ def calibrate(
             )
         say(f"search over {len(free_rows)} parameters")
         initial = start.parameters.replace({row: base[row] for row in rows if row not in (*free_rows, *start.missed)})
-        leg = Leg(joint, initial, free_rows, *settings)
+        leg = Leg(joint, initial, free_rows, *of_runs)
         task = _problem(leg, logs, labels)
         _take_over(first, J, task, initial == start.parameters)
         limits = replace(USUAL, max_seconds=seconds, deadline=time.deadline)
@@ -95,15 +103,19 @@ def calibrate(
         optimum = find_optimum(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
         say("intervals")
         unsure = [*(row.name for row in verdicts if not (row.told or row.missed)), *nuisance_rows]
-        wide = _problem(Leg(joint, initial, (*rows, *nuisance_rows), *settings), logs, labels)
+        wide = _problem(Leg(joint, initial, (*rows, *nuisance_rows), *of_runs), logs, labels)
         wide.steps = first.steps.copy()
         e, J = task.linearise(optimum.p)
         size, cov = _covariance(wide, task, optimum, e, J, unsure)
+        agreements = agreement(task, optimum.p, e, J, level, VISIBLE, None if ZERO in daily else OFFSET)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
-        parameters = _as_board_sees(leg.parameters(task.values(optimum.p)[: len(free_rows)]))
-        runs = _runs(Leg(joint, base, (), *settings), leg, task, optimum, logs, held_out, labels)
-    moved_rows = tuple(row for row in ROWS if row not in free_rows and row != DELAY and parameters[row] != base[row])
+        runs_values = _values_by_run(task, optimum, cov, J, size, base, level)
+        found = dict(zip(free_rows, task.values(optimum.p), strict=False))
+        found |= {row: float(np.mean([v.value for v in each])) for row, each in runs_values.items() if row != ZERO}
+        parameters = _as_board_sees(initial.replace(found))
+        runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, logs, held_out, labels)
+    moved_rows = tuple(row for row in ROWS if row not in (*free_rows, *daily, DELAY) and parameters[row] != base[row])
     converged, reason = _verdict(optimum, e, J, cov, seconds)
     cov = cov[: len(free_rows), : len(free_rows)]
     std = np.sqrt(np.diag(cov))
@@ -123,7 +135,7 @@ def calibrate(
         converged,
         reason,
         size,
-        tuple(_score(run) for run in runs),
+        tuple(score(run) for run in runs),
         runs,
         {
             "logs": list(labels[: len(logs)]),
@@ -139,6 +151,8 @@ def calibrate(
         level,
         seconds,
         moved_rows,
+        agreements,
+        runs_values,
     )
 
 
@@ -177,6 +191,17 @@ def rows_without_effect(without: Sequence[str]) -> set[str]:
     return {row for name in without for row in IMPERFECTIONS[name].ideal}
 
 
+def _rows_by_run(joint: str, names: Sequence[str], fixed: Sequence[str], runs: int) -> tuple[str, ...]:
+    """The rows with a value for each run; raises InputError for unknown names, known rows and a single run."""
+    rows = tuple(dict.fromkeys(name if name == ZERO else row_name(joint, name) for name in names))
+    if rows and runs < 2:
+        raise InputError(f"{', '.join(rows)} cannot differ between runs of one log; give the logs of two runs or more")
+    for row in rows:
+        if row in [row_name(joint, name) for name in fixed]:
+            raise InputError(f"{row} is both fixed and free in each run; name it once")
+    return rows
+
+
 def _as_board_sees(p: Parameters) -> Parameters:
     """The delay in whole periods of the board, which reads commands no more often."""
     period = p["switch_period"]
@@ -184,7 +209,7 @@ def _as_board_sees(p: Parameters) -> Parameters:
 
 
 def _problem(leg: Leg, logs: Sequence[Log], labels: Sequence[str]) -> Simulations:
-    records = [leg.record(log, label) for log, label in zip(logs, labels, strict=False)]
+    records = [leg.record(log, label, k == 0) for k, (log, label) in enumerate(zip(logs, labels, strict=False))]
     return Simulations(free(leg.names, leg.base), records)
 
 
@@ -244,64 +269,41 @@ def _values(
     size: discrepancy.Sizes,
     base: Parameters,
     level: float,
+    columns: Sequence[int] | None = None,
 ) -> tuple[Value, ...]:
-    """Values with intervals that are symmetric in the coordinates of the search, and so stay within the bounds."""
+    """Values with intervals that are symmetric in the coordinates of the search, and so stay within the bounds.
+
+    `columns` are those of the parameters that all runs share if they are not given.
+    """
     wide = float(norm.ppf(0.5 + level / 2))
     white = size.noise**2 * np.diag(np.linalg.pinv(J.T @ J))
     out = []
-    for j, f in enumerate(task.shared):
-        z, spread = optimum.p[j], wide * np.sqrt(cov[j, j])
+    for j in range(len(task.shared)) if columns is None else columns:
+        f, z, spread = task.free[j], optimum.p[j], wide * np.sqrt(cov[j, j])
         low, value, high = (float(f.outer(end)) for end in (z - spread, z, z + spread))
-        out.append(Value(f.name, f.unit, base[f.name], f.start, value, low, high, float(np.sqrt(white[j] / cov[j, j]))))
+        nominal, noise_share = 0.0 if f.name == ZERO else base[f.name], float(np.sqrt(white[j] / cov[j, j]))
+        out.append(Value(f.name, f.unit, nominal, f.start, value, low, high, noise_share))
     return tuple(out)
 
 
-def _runs(
-    nominal_leg: Leg,
-    calibrated_leg: Leg,
+def _values_by_run(
     task: Simulations,
     optimum: Optimum,
-    logs: Sequence[Log],
-    held_out: Sequence[Log],
-    labels: Sequence[str],
-) -> tuple[Run, ...]:
-    """Free runs of the uncalibrated and the calibrated twin over all logs.
-
-    The uncalibrated twin and held-out logs start at the log's first angle.
-    """
-    values, n_shared, out = task.values(optimum.p), len(task.shared), []
-    for k, log in enumerate((*logs, *held_out)):
-        held = k >= len(logs)
-        old, new = nominal_leg.record(log, labels[k]), calibrated_leg.record(log, labels[k])
-        nominal = _from_first_angle(old, np.empty(0))
-        if held:
-            found_run = _from_first_angle(new, values[:n_shared])
-        else:
-            found_run = new.respond(np.append(values[:n_shared], values[task.own[k]])[None])[0]
-        u = log.io(nominal_leg.joint if log.joint else None).u.ravel()
-        out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
-    return tuple(out)
-
-
-def _from_first_angle(record: Record, values: np.ndarray) -> np.ndarray:
-    """The free run (N,) that begins at the median of the log's first angles.
-
-    The drive is not where the link is read: the backlash and the sensor lie between. What a first run begins with is
-    subtracted.
-    """
-    first = float(np.nanmedian(record.y[:FIRST]))
-    run = record.respond(np.append(values, first)[None])[0]
-    return record.respond(np.append(values, 2.0 * first - run[0])[None])[0]
-
-
-def _score(run: Run) -> Score:
-    def rms(response: np.ndarray) -> float:
-        return float(np.sqrt(np.nanmean((run.y - response) ** 2)))
-
-    def fit(response: np.ndarray) -> float:
-        return float(100.0 * (1.0 - rms(response) / np.nanstd(run.y)))
-
-    return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
+    cov: np.ndarray,
+    J: np.ndarray,
+    size: discrepancy.Sizes,
+    base: Parameters,
+    level: float,
+) -> dict[str, tuple[Value, ...]]:
+    """The values of each row that every run has of its own, in the order of the runs; the first run's zero is 0."""
+    columns: dict[str, list[int]] = {}
+    for indices in task.own:
+        for j in indices[1:]:  # the first one is the start
+            columns.setdefault(task.free[j].name, []).append(int(j))
+    found = {row: _values(task, optimum, cov, J, size, base, level, js) for row, js in columns.items()}
+    if ZERO in found:
+        found[ZERO] = (Value(ZERO, "rad", 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), *found[ZERO])
+    return found
 
 
 def _verdict(optimum: Optimum, e: np.ndarray, J: np.ndarray, cov: np.ndarray, seconds: float) -> tuple[bool, str]:

@@ -13,7 +13,10 @@ from twin.hardware.linkage import end_angles
 from twin.log import Log
 from twin.parameters import TABLE, Parameters
 
+START = "start"  # [rad] angle of the drive at the first sample of a run
+ZERO = "zero"  # [rad] of the sensor in a run, less that in the first run
 DELAY = "delay"  # continuous here: the board reads commands once in a period, and a step below that would do nothing
+OFFSET = Free(ZERO, 0.0, -0.5, 0.5, "rad", np.deg2rad(1.0))
 ROWS = {row.name: row for row in TABLE}
 
 # Free unless something else is asked for: what records of voltage and angle usually tell. Each with a scale.
@@ -100,7 +103,8 @@ def free(names: Sequence[str], start: Parameters) -> tuple[Free, ...]:
 class Leg:
     """The twin's `joint` with parameters `base`, of which the rows `names` are calibrated.
 
-    `without`, `pot_side`, `realisation` and `threads` are those of a `twin.Follower`.
+    `without`, `pot_side`, `realisation` and `threads` are those of a `twin.Follower`. Rows `by_run`, and "zero", have a
+    value of their own in each run.
     """
 
     joint: str
@@ -110,48 +114,54 @@ class Leg:
     pot_side: str = "link"
     realisation: str = "tendon"
     threads: int = 2
+    by_run: tuple[str, ...] = ()
 
-    def record(self, log: Log, name: str = "log") -> Record:
-        """The log, whose own parameter is the drive's angle at its first sample; lost samples are not scored."""
+    def record(self, log: Log, name: str = "log", first: bool = True) -> Record:
+        """The log, whose own parameters are its start and those `by_run`; lost samples are not scored."""
         follower = Follower(log, self.joint, self.without, self.pot_side, self.realisation, self.threads)
         low, high = end_angles(self.base, self.joint)
         mask = log.io(self.joint if log.joint else None).observed.ravel()
         y = np.where(mask, follower.y, np.nan)
-        first = float(np.clip(np.median(follower.y[:3]), low, high))
-        start = Free("start", first, min(low, first) - 0.3, max(high, first) + 0.3, "rad", np.deg2rad(1.0))
-        return Record(name, y, log.Ts, lambda values: self.respond(follower, values), (start,))
+        angle = float(np.clip(np.median(follower.y[:3]), low, high))
+        own = [Free(START, angle, min(low, angle) - 0.3, max(high, angle) + 0.3, "rad", np.deg2rad(1.0))]
+        own += free([row for row in self.by_run if row != ZERO], self.base)
+        if ZERO in self.by_run and not first:
+            own.append(OFFSET)
+        order = (*self.names, *(row.name for row in own))
+        return Record(name, y, log.Ts, lambda values: self.respond(follower, values, order), tuple(own))
 
     def parameters(self, values: Sequence[float] | np.ndarray) -> Parameters:
         """The twin's parameters with the calibrated rows at `values`."""
         return self.base.replace({name: float(value) for name, value in zip(self.names, values, strict=True)})
 
-    def respond(self, follower: Follower, values: np.ndarray) -> np.ndarray:
-        """Readings (runs, N) at `values` (runs, names + 1), the last of which is the start; NaN where there is no leg.
+    def respond(self, follower: Follower, values: np.ndarray, order: Sequence[str]) -> np.ndarray:
+        """Readings (runs, N) at `values` (runs, n) of the rows in `order`; NaN where there is no leg.
 
-        The delay is applied to the reading. Rows that differ only in it are simulated once.
+        Delay and zero are applied to the reading. Rows that differ only in them are simulated once.
         """
-        delays, points = np.full(len(values), self.base[DELAY]), values.copy()
-        if DELAY in self.names:
-            delays = values[:, self.names.index(DELAY)]
-            points[:, self.names.index(DELAY)] = 0.0
-        unique_points, indices = np.unique(points, axis=0, return_inverse=True)
-        legs = [self._leg(row[:-1]) for row in unique_points]
+        columns = dict(zip(order, values.T, strict=True))
+        delays = columns.pop(DELAY, np.full(len(values), self.base[DELAY]))
+        zeros = columns.pop(ZERO, np.zeros(len(values)))
+        unique_points, indices = np.unique(np.column_stack(list(columns.values())), axis=0, return_inverse=True)
+        legs = [self._leg(dict(zip(columns, row, strict=True))) for row in unique_points]
+        starts = unique_points[:, list(columns).index(START)]
         out = np.full((len(values), len(follower.y)), np.nan)
         rows = [i for i in range(len(values)) if legs[indices[i]] is not None]
         simulated_legs = list(dict.fromkeys(indices[rows]))
         if simulated_legs:
             out[rows] = follower.readings(
                 [legs[k] for k in simulated_legs],
-                unique_points[simulated_legs, -1],
+                starts[simulated_legs],
                 delays[rows],
                 [simulated_legs.index(k) for k in indices[rows]],
             )
-        return out
+        return out + zeros[:, None]
 
-    def _leg(self, values: np.ndarray) -> Parameters | None:
+    def _leg(self, values: Mapping[str, float]) -> Parameters | None:
         """The parameters, None for pins that the actuator cannot span or a rotor too light for the simulation."""
         try:
-            parameters = self.parameters(values).replace({DELAY: 0.0})
+            changes = {name: float(value) for name, value in values.items() if name != START}
+            parameters = self.base.replace({**changes, DELAY: 0.0})
             end_angles(parameters, self.joint)
             check_rotor(parameters, self.joint)
         except InputError:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.base.errors import unknown
 from twin.calibrate import discrepancy
+from twin.calibrate.agreement import Agreement
 from twin.calibrate.identifiability import Identifiability
 from twin.calibrate.search import Optimum
 from twin.parameters import Parameters
@@ -64,6 +65,8 @@ class Calibration:
     """A joint of the twin, calibrated: `parameters` is the whole twin with `values` in it; `seconds` was the budget.
 
     `moved` are rows that are not calibrated and differ from what was given: ends, out of the way of the logs.
+    `agreements`: whether the logs agree, for each value that they share; `by_run`: the values of those that they do not
+    share, log by log, of which `parameters` has the mean.
     """
 
     joint: str
@@ -82,6 +85,8 @@ class Calibration:
     level: float = LEVEL
     seconds: float = np.inf
     moved: tuple[str, ...] = ()
+    agreements: tuple[Agreement, ...] = ()
+    by_run: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Values, scores and provenance, ready for JSON."""
@@ -93,6 +98,8 @@ class Calibration:
             "level": self.level,
             "parameters": [asdict(value) for value in self.values],
             "correlation": self.correlation.tolist(),
+            "agreement": [asdict(row) for row in self.agreements],
+            "by_run": {row: [asdict(value) for value in values] for row, values in self.by_run.items()},
             "not_calibrated": dict(self.fixed),
             "moved": list(self.moved),
             "told": [asdict(row) for row in self.told],

@@ -23,6 +23,9 @@ def calibrate(
         typer.Option(metavar="A,B", help="parameters to calibrate; those that logs usually tell, if not given"),
     ] = None,
     fix: Annotated[str, typer.Option(metavar="A,B", help="parameters whose values are known")] = "",
+    by_run: Annotated[
+        str, typer.Option(metavar="A,B", help="parameters, or the sensor's zero, with a value of their own in each log")
+    ] = "",
     hold_out: Annotated[
         str, typer.Option(metavar="FILE,FILE", help="logs that are not used, to score the calibrated twin")
     ] = "",
@@ -67,6 +70,7 @@ def calibrate(
             labels=[Path(file).name for file in (*files, *held_out)],
             progress=step,
             seconds=limit,
+            by_run=options.names(by_run),
         )
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}

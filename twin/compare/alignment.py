@@ -31,6 +31,7 @@ _DOUBTED = (
     "dead_band",
 )
 DOUBT = 0.3
+_NEUTRAL = {"gear": 1.0}
 _ROUNDS = 10
 _TURNED = 0.6  # a sign counts as wrong if turning it leaves less than this share of the error
 _ALIKE = 1.3  # two signs whose errors differ by less than this factor cannot be told apart
@@ -71,11 +72,19 @@ class Alignment:
             f"its angle is {self.gear.value:.4f} times the twin's ({_span(self.gear, 1.0, '')}) plus "
             f"{np.degrees(self.offset.value):.2f} deg ({_span(self.offset, 180 / np.pi, 'deg')})."
         )
-        part_names = ", ".join(self.applied)
-        lines.append(
-            f"Applied: {part_names}." if part_names else "Nothing of this is applied; --align delay,offset would."
-        )
+        found = [part for part in ("delay", "gear", "offset") if self._differs(part)]
+        if self.applied:
+            lines.append(f"Applied: {', '.join(self.applied)}.")
+        elif found:
+            lines.append(f"Nothing of this is applied; --align {','.join(found)} would.")
+        else:
+            lines.append("None of the three differs beyond its interval, so nothing is to be applied.")
         return lines
+
+    def _differs(self, part: str) -> bool:
+        """Whether the interval of a part excludes what the twin has."""
+        value: Value = getattr(self, part)
+        return value.low is not None and not value.holds(_NEUTRAL.get(part, 0.0))
 
 
 def _span(value: Value, factor: float, unit: str) -> str:

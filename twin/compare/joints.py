@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
@@ -38,14 +40,12 @@ class Pair:
     other: JointValue
 
     @property
-    def apart(self) -> bool:
-        """Whether the values differ by more than both intervals together allow; False without intervals."""
-        spans = [(v.low, v.high) for v in (self.log, self.other)]
-        (a, b), (c, d) = spans
-        if a is None or b is None or c is None or d is None:
-            return False
-        half = (((b - a) / 2) ** 2 + ((d - c) / 2) ** 2) ** 0.5
-        return abs(self.log.value - self.other.value) > half
+    def apart(self) -> bool | None:
+        """Whether the values differ by more than both intervals together allow; None where an interval is missing."""
+        halves = [None if v.low is None or v.high is None else (v.high - v.low) / 2 for v in (self.log, self.other)]
+        if halves[0] is None or halves[1] is None:
+            return None
+        return abs(self.log.value - self.other.value) > float(np.hypot(halves[0], halves[1]))
 
 
 def pairs(log: IOData, response: IOData, seed: int = 0, starts: int = 2) -> tuple[Pair, ...]:

@@ -16,7 +16,7 @@ from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate import advice
 from twin.calibrate.discrepancy import directions
 from twin.calibrate.result import Calibration, Run, Score
-from twin.report import leg
+from twin.report import agreement, leg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,6 +40,7 @@ def page(result: Calibration) -> Page:
         sections=[
             Section("Twin and logs", tables=[scores(result)], pictures=[*overlays, _leg(result)]),
             Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[correlations]),
+            *agreement.section(result),
             Section("What the logs tell", undetermined_sentences(result), details=[_identifiability(result)]),
             Section("What is left over", [_LEFT], pictures=residual_pictures),
         ],
@@ -74,7 +75,7 @@ def sentences(result: Calibration) -> list[str]:
             f"{score.log} ({_use(score)}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
         )
-    return texts
+    return texts + agreement.sentences(result)
 
 
 def _use(item: Run | Score) -> str:
@@ -90,7 +91,8 @@ def undetermined_sentences(result: Calibration) -> list[str]:
 
 def tables(result: Calibration) -> list[Grid]:
     """What the console shows."""
-    return [values(result), scores(result)]
+    by_log = [agreement.by_log(result)] if result.by_run else []
+    return [values(result), *by_log, scores(result)]
 
 
 def values(result: Calibration) -> Grid:

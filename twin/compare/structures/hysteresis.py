@@ -8,15 +8,15 @@ Dahl's curve (Dahl, AIAA Journal 14, 1976): z goes from -1 to 1 over a few times
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from sysid.base.compiled import kernel
 from twin.compare.effects import Knob
 from twin.compare.structures._declaration import structure
 
 STRETCH, WAY = "cable_stretch", "cable_way"
 
 
-@njit(cache=True)
+@kernel
 def _dahl(x: np.ndarray, way: float) -> np.ndarray:
     z, out = 0.0, np.zeros(len(x))
     for k in range(1, len(x)):

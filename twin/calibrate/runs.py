@@ -1,0 +1,69 @@
+"""Free runs of the uncalibrated and of the calibrated twin over all logs of a calibration, and their scores."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin.calibrate.leg import ZERO, Leg
+from twin.calibrate.problem import Record, Simulations
+from twin.calibrate.result import Run, Score
+from twin.calibrate.search import Optimum
+from twin.log import Log
+
+FIRST = 3  # samples that give the first angle of a log
+
+
+def free_runs(
+    nominal_leg: Leg,
+    calibrated_leg: Leg,
+    task: Simulations,
+    optimum: Optimum,
+    logs: Sequence[Log],
+    held_out: Sequence[Log],
+    labels: Sequence[str],
+) -> tuple[Run, ...]:
+    """Free runs of the uncalibrated and the calibrated twin over all logs.
+
+    The uncalibrated twin and held-out logs start at the log's first angle.
+    """
+    values, n_shared, out = task.values(optimum.p), len(task.shared), []
+    own: dict[str, list[float]] = {
+        row: [] for row in calibrated_leg.by_run if row != ZERO
+    }  # of a log that was not used: the mean of the runs
+    for j, f in enumerate(task.free[n_shared:], n_shared):
+        own.setdefault(f.name, []).append(values[j])
+    means = np.array([np.mean(own[row]) for row in calibrated_leg.by_run if row != ZERO])
+    for k, log in enumerate((*logs, *held_out)):
+        held = k >= len(logs)
+        old, new = nominal_leg.record(log, labels[k]), calibrated_leg.record(log, labels[k], k == 0 or held)
+        nominal = _from_first_angle(old, np.empty(0), np.empty(0))
+        if held:
+            found_run = _from_first_angle(new, values[:n_shared], means)
+        else:
+            found_run = new.respond(np.append(values[:n_shared], values[task.own[k]])[None])[0]
+        u = log.io(nominal_leg.joint if log.joint else None).u.ravel()
+        out.append(Run(labels[k], held, log.Ts, u, new.y, nominal, found_run))
+    return tuple(out)
+
+
+def _from_first_angle(record: Record, values: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """The free run (N,) that begins at the median of the log's first angles, with shared and own `values`.
+
+    The drive is not where the link is read: the backlash and the sensor lie between. What a first run begins with is
+    subtracted.
+    """
+    first = float(np.nanmedian(record.y[:FIRST]))
+    run = record.respond(np.concatenate([values, [first], own])[None])[0]
+    return record.respond(np.concatenate([values, [2.0 * first - run[0]], own])[None])[0]
+
+
+def score(run: Run) -> Score:
+    """RMS error and fit of both free runs over a log."""
+
+    def rms(response: np.ndarray) -> float:
+        return float(np.sqrt(np.nanmean((run.y - response) ** 2)))
+
+    def fit(response: np.ndarray) -> float:
+        return float(100.0 * (1.0 - rms(response) / np.nanstd(run.y)))
+
+    return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
