@@ -7,10 +7,14 @@ from scipy.signal import freqz, lfilter
 import sysid
 import twin
 from sysid.base.errors import InputError
+from sysid.joint.values import JointValue
+from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, compare_log, compare_model
 from twin.compare.departure import NAMES, by_regime, noise_of, regimes, repeat, spectrum
-from twin.compare.intervals import sandwich
+from twin.compare.intervals import Value, sandwich
+from twin.compare.joints import Pair
 from twin.log import Log
+from twin.report.compare import pair_row
 
 TS = 0.05
 
@@ -168,3 +172,31 @@ def test_a_model_beside_the_log_it_was_fitted_to():
 def test_a_short_log_is_refused():
     with pytest.raises(InputError, match="more than 50"):
         twin.compare.compare(Log(np.zeros(50), np.zeros(50), TS, joint="thigh"), "thigh")
+
+
+def value(number, half=None, why=""):
+    limits = (None, None) if half is None else (number - half, number + half)
+    return JointValue("end_high", number, *limits, "rad", half is not None, why)
+
+
+@pytest.mark.parametrize(
+    ("log", "other", "says"),
+    [
+        (value(1.0, 0.1), value(1.3, 0.1), "yes"),  # 0.3 is more than 0.14
+        (value(1.0, 0.1), value(1.1, 0.1), "no"),
+        (value(1.0, 0.1), value(1.3, why="not reached: beyond 60 deg (it rests nowhere)"), "cannot tell"),
+    ],
+)
+def test_values_of_both_sides_differ_only_where_both_are_told(log, other, says):
+    cells = pair_row(Pair("end_high", log, other))
+    assert cells[-1] == says
+    if says == "cannot tell":
+        assert cells[4:6] == ("–", "not reached: beyond 60 deg")
+
+
+def test_an_alignment_proposes_what_differs_beyond_its_interval():
+    late, right = Value("delay", 0.05, 0.03, 0.07, "s"), Value("delay", 0.01, -0.01, 0.03, "s")
+    same, unknown = Value("gear", 1.02, 0.99, 1.05, ""), Value("offset", 0.3, None, None, "rad")
+    start = Value("start", 0.0, None, None, "rad")
+    assert Alignment("", late, same, unknown, start).sentences()[-1].endswith("--align delay would.")
+    assert "nothing is to be applied" in Alignment("", right, same, unknown, start).sentences()[-1]

@@ -303,12 +303,13 @@ def _change_tables(verdict: Verdict) -> list[Grid]:
 
 def pair_table(result: Comparison) -> Grid:
     """Values of the actuated joint on both sides."""
-    rows = [_pair_row(pair) for pair in result.pairs]
+    rows = [pair_row(pair) for pair in result.pairs]
     headings = ("value", "effect", "log", "95 % interval", "twin", "95 % interval", "unit", "differ")
     return Grid(headings, rows, text_columns=2, last_text=True)
 
 
-def _pair_row(pair: Pair) -> tuple[str, ...]:
+def pair_row(pair: Pair) -> tuple[str, ...]:
+    """A value of both sides, and whether they differ."""
     (log, span, unit), (other, other_span, _) = value_cells(pair.log), value_cells(pair.other)
     differ = {True: "yes", False: "no", None: "cannot tell"}[pair.apart]
     name = JOINT_WORDS.get(pair.name, pair.name)
