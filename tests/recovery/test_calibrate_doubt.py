@@ -28,6 +28,7 @@ def result(*values, correlation=None):
         correlation=np.eye(n) if correlation is None else np.array(correlation),
         found=SimpleNamespace(stop=SimpleNamespace(iterations=7), descents=1, late=False),
         agreements=(),
+        differing=[],
         converged=True,
         reason="small steps",
         next_step=lambda: "",

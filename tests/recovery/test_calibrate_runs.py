@@ -12,6 +12,7 @@ from sysid.base.parallel import one_blas_thread
 from twin.calibrate.agreement import CHANCE, agreement
 from twin.calibrate.calibration import calibrate
 from twin.calibrate.problem import Free, Record, Simulations
+from twin.calibrate.result import Calibration
 from twin.log import Log
 from twin.report.agreement import sentences
 
@@ -102,15 +103,18 @@ def test_one_run_has_nothing_to_agree_with():
 def test_the_words_name_the_odd_run_and_the_next_command():
     rng = np.random.default_rng(6)
     rows = judged(legs(rng, 3, [0.0, 0.2, 0.0]))
-    result = SimpleNamespace(
-        agreements=rows, provenance={"logs": ["mo.csv", "tu.csv", "we day.csv"]}, joint="thigh", by_run={}
-    )
-    first, *_, last = sentences(result)
+    first, *_, last = sentences(words_of(rows))
     assert first.startswith("The logs do not agree: a is 0.9")
     assert "tu.csv is farthest from the others; without it the others agree" in first
     assert "qpal calibrate mo.csv tu.csv 'we day.csv' --joint thigh --by-run a" in last
-    alike = SimpleNamespace(**{**vars(result), "agreements": judged(legs(rng, 3))})
-    assert sentences(alike)[0].startswith("The 3 logs agree: none of the 2 values")
+    assert sentences(words_of(judged(legs(rng, 3))))[0].startswith("The 3 logs agree: none of the 2 values")
+
+
+def words_of(rows):
+    """What a report needs of a calibration."""
+    result = SimpleNamespace(agreements=rows, provenance={"logs": ["mo.csv", "tu.csv", "we day.csv"]})
+    result.joint, result.by_run, result.differing = "thigh", {}, Calibration.differing.fget(result)
+    return result
 
 
 def test_each_run_may_have_its_own_zero_and_speed():

@@ -88,6 +88,11 @@ class Calibration:
     agreements: tuple[Agreement, ...] = ()
     by_run: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
 
+    @property
+    def differing(self) -> list[Agreement]:
+        """The values in which the logs differ, the one that explains it best first."""
+        return sorted((row for row in self.agreements if row.differ), key=lambda row: -row.squares)
+
     def as_dict(self) -> dict[str, Any]:
         """Values, scores and provenance, ready for JSON."""
         return {

@@ -77,9 +77,9 @@ def calibrate(
         write(scratch, report.page(result), summary)
         advice.write(result, scratch / target.name)
     sentences = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
-    step_on = advice.next_step(result, shlex.join(files))
-    sentences.append(
-        step_on or f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
+    next_step = advice.next_step(result, shlex.join(files)) or (
+        f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
     )
+    sentences += [] if result.differing else [next_step]  # a value that differs between logs comes first
     console.finish(folder, summary, as_json, report.tables(result), sentences)
     return 0 if result.converged and not advice.useless(result) else 1

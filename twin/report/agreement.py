@@ -10,8 +10,8 @@ from twin.calibrate.agreement import Agreement
 from twin.calibrate.result import Calibration, Value
 
 _CAPTION = (
-    "Each parameter as every log alone asks for it, with 95 % intervals; the line is the value of all logs together. "
-    "Logs of one leg scatter about the line by no more than their intervals. A log without a mark does not tell it."
+    "In each panel this value alone differs between the logs, with 95 % intervals; the line is the value of all logs. "
+    "The panel that explains the differences best comes first. Logs of one leg scatter about the line by no more than their intervals. A log without a mark does not tell it."
 )
 _BY_LOG = "Parameters with a value of their own in each log, with 95 % intervals; the file has their mean."
 
@@ -30,14 +30,13 @@ def sentences(result: Calibration) -> list[str]:
     if not result.agreements:
         return []
     logs = result.provenance["logs"]
-    differing = sorted((row for row in result.agreements if row.differ), key=lambda row: -row.squares)
-    if not differing:
+    if not result.differing:
         least = min(result.agreements, key=lambda row: row.chance)
         return [
             f"The {len(logs)} logs agree: none of the {len(result.agreements)} values that they share differs between "
             f"them beyond chance (least: {least.name}, {_chance(least.chance)})."
         ]
-    first, *rest = differing
+    first, *rest = result.differing
     texts = [_of_difference(first, logs)]
     if rest:
         texts.append(f"Differences in {', '.join(row.name for row in rest)} would explain it less well.")
@@ -98,8 +97,9 @@ def _cell(value: Value, factor: float) -> str:
 def figure(result: Calibration) -> Figure:
     """One panel for each shared value: the logs' own values with intervals about the common one."""
     logs = result.provenance["logs"]
-    panels = [_panel(row, logs) for row in result.agreements]
-    return Figure(panels, columns=2, shared=False, height=1.0 + 0.25 * len(logs))
+    panels = [_panel(row, logs) for row in sorted(result.agreements, key=lambda row: -row.squares)]
+    rows = -(-len(panels) // 2)
+    return Figure(panels, columns=2, shared=False, height=0.8 + rows * (1.1 + 0.22 * len(logs)), legend="below")
 
 
 def _panel(row: Agreement, logs: list[str]) -> Panel:

@@ -65,7 +65,12 @@ def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
     end = "converged after" if result.converged else "did not converge after"
     end = "made" if result.found.late else end  # its reason is that it was stopped
-    texts = [*advice.sentences(result), f"The search {end} {result.found.stop.iterations} iterations: {result.reason}."]
+    runs = agreement.sentences(result)
+    texts = [
+        *(runs if result.differing else []),
+        *advice.sentences(result),
+        f"The search {end} {result.found.stop.iterations} iterations: {result.reason}.",
+    ]
     if result.next_step():
         texts.append(result.next_step())
     if result.found.descents > 1:
@@ -75,7 +80,7 @@ def sentences(result: Calibration) -> list[str]:
             f"{score.log} ({_use(score)}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
         )
-    return texts + agreement.sentences(result)
+    return texts if result.differing else texts + runs
 
 
 def _use(item: Run | Score) -> str:
