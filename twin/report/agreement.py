@@ -11,7 +11,8 @@ from twin.calibrate.result import Calibration, Value
 
 _CAPTION = (
     "In each panel this value alone differs between the logs, with 95 % intervals; the line is the value of all logs. "
-    "The panel that explains the differences best comes first. Logs of one leg scatter about the line by no more than their intervals. A log without a mark does not tell it."
+    "The panel that explains the differences best comes first. Logs of one leg scatter about the line by no more than "
+    "their intervals. A log without a mark does not tell the value."
 )
 _BY_LOG = "Parameters with a value of their own in each log, with 95 % intervals; the file has their mean."
 
