@@ -19,6 +19,7 @@ from twin.plant.stepping import TIMESTEP, attempt
 
 # A follower gives what the potentiometer would read, so that many parameters are compared on equal terms.
 QUIET = tuple(name for name in of_group("sensor") if name != "nonlinearity")
+VISIBLE = float(np.deg2rad(0.05))  # RMS: smaller differences of a leg matter to nobody
 HELD = 1e-9  # of a step: a sample that falls on the end of a simulation step belongs to the next one
 
 

@@ -18,7 +18,7 @@ from twin.calibrate.result import LEVEL, Calibration, Value
 from twin.calibrate.runs import free_runs, score
 from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
-from twin.compare.remainder import VISIBLE
+from twin.follow import VISIBLE
 from twin.imperfections import TABLE as IMPERFECTIONS
 from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters

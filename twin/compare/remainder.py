@@ -17,8 +17,8 @@ from sysid.diagnosis.residuals import residual_tests
 from sysid.estimation.noise_model import noise_model
 from twin.compare.departure import noise_of, speed_of
 from twin.compare.search import Search, Trials, differences
+from twin.follow import VISIBLE
 
-VISIBLE = float(np.deg2rad(0.05))  # RMS: smaller differences of a leg matter to nobody
 _CHANCE = 0.01  # of calling a right cause wrong, over all splits
 _LAGS = 25
 _LEAST = 50  # samples of a part

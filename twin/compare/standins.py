@@ -7,7 +7,7 @@ import numpy as np
 
 from twin.compare.effects import END_HIGH, END_LOW, TABLE, apply_knobs
 from twin.experiment import Experiment
-from twin.follow import Follower
+from twin.follow import VISIBLE, Follower
 from twin.hardware.linkage import end_angles, middle
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
@@ -17,7 +17,6 @@ from twin.parameters import JOINTS, Parameters
 INVISIBLE = (("thigh", "backlash"), ("shoulder", "load"))
 NOTHING = "nothing"
 DURATION, TS = 30.0, 0.05
-VISIBLE = np.deg2rad(0.05)  # RMS of a departure without noise, a quarter of the noise: draws below it are drawn again
 _EXCITATIONS: tuple[tuple[str, dict[str, float]], ...] = (("aprbs", {}), ("sweep", {"jitter": 0.5, "shrink": 0.4}))
 
 
@@ -35,7 +34,7 @@ class StandIn:
 def stand_in(effect: str, seed: int) -> StandIn:
     """The stand-in number `seed` of this effect, one of `TABLE` or "nothing"."""
     rng = np.random.default_rng([seed, [*TABLE, NOTHING].index(effect)])
-    while True:
+    while True:  # a departure that nobody sees is drawn again
         joint = str(rng.choice([name for name in JOINTS if (name, effect) not in INVISIBLE]))
         excitation, options = _EXCITATIONS[int(rng.integers(len(_EXCITATIONS)))]
         p = Parameters()

@@ -12,9 +12,10 @@ from scipy.stats import chi2
 from twin.compare.departure import noise_of
 from twin.compare.effects import SLOPE, START, ZERO
 from twin.compare.intervals import Value, values
-from twin.compare.remainder import VISIBLE, Remainder, remainder
+from twin.compare.remainder import Remainder, remainder
 from twin.compare.search import Search, Trials, fit_all, refine, restart
 from twin.compare.structures import CAUSES, STRUCTURES
+from twin.follow import VISIBLE
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other

@@ -2,12 +2,15 @@
 
 import shlex
 
+import numpy as np
+
 from sysid.base import style
 from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.report.page import Grid, Picture, Section
 from twin.calibrate.agreement import Agreement
 from twin.calibrate.result import Calibration, Value
+from twin.follow import VISIBLE
 
 _CAPTION = (
     "In each panel this value alone differs between the logs, with 95 % intervals; the line is the value of all logs. "
@@ -32,10 +35,9 @@ def sentences(result: Calibration) -> list[str]:
         return []
     logs = result.provenance["logs"]
     if not result.differing:
-        least = min(result.agreements, key=lambda row: row.chance)
         return [
             f"The {len(logs)} logs agree: none of the {len(result.agreements)} values that they share differs between "
-            f"them beyond chance (least: {least.name}, {_chance(least.chance)})."
+            f"them by more than chance and {np.degrees(VISIBLE):g} deg RMS of the angle."
         ]
     first, *rest = result.differing
     texts = [_of_difference(first, logs)]

@@ -17,9 +17,9 @@ from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.departure import DEFINITIONS
 from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
-from twin.compare.remainder import VISIBLE
 from twin.compare.structures import CAUSES, STRUCTURES
 from twin.compare.verdict import Change, Share, Verdict
+from twin.follow import VISIBLE
 from twin.report import compare_figures as figures
 from twin.report import leg
 
