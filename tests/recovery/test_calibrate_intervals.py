@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid.base.parallel import one_blas_thread
-from twin.calibrate.discrepancy import covariance, directions, drifting, estimate, repeating, sizes
+from twin.calibrate.discrepancy import Frame, covariance, departures, directions, drifting, estimate, repeating, sizes
 from twin.calibrate.identifiability import LIMIT, promised_covariance, tell
 from twin.calibrate.problem import Free, Record, Simulations
 
@@ -31,6 +31,7 @@ def sweep():
 
 
 Y = sweep()
+FRAME = Frame.of([Y], [TS])
 
 
 def linear(columns, truth, noise, extra=0.0, seed=0, names="abcdef", scale=1.0):
@@ -92,7 +93,7 @@ def test_sizes_of_departures_are_found():
     found = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        groups = [*repeating([Y], [TS], 0.12), *drifting([Y], [TS], 0.12)]
+        groups = departures([Y], [TS], 0.12, FRAME)
         e = 0.1 * rng.standard_normal(N) + groups[0] @ (0.3 * rng.standard_normal(groups[0].shape[1]))
         size = sizes(e - J @ np.linalg.lstsq(J, e)[0], J, groups)
         found.append((size.noise, *size.groups))
@@ -108,8 +109,8 @@ def test_intervals_hold_under_departures(extra, seeds):
     """Of a dozen estimates of three parameters, about 95 % lie within 1.96 deviations, whatever departs."""
     J = np.column_stack([np.ones(N), Y, np.gradient(Y, TS)])
     G, inside, white = np.linalg.pinv(J), [], []
-    places = repeating([Y], [TS], 0.12)[0]
-    speeds = drifting([Y], [TS], 0.12)[0]
+    places = repeating([Y], [TS], 0.12, FRAME)[0]
+    speeds = drifting([Y], [TS], 0.12, FRAME)[0]
     for seed in seeds:
         rng = np.random.default_rng(seed)
         e = 0.05 * rng.standard_normal(N)

@@ -61,24 +61,27 @@ def agreement(
     runs = np.repeat(np.arange(len(task.lengths)), task.lengths)[:, None] == np.arange(len(task.lengths))
     scored = np.concatenate([record.scored for record in task.records])
     steps = [record.Ts for record in task.records]
+    spreads = task.spreads(p)  # the priors are 1 where a column counts in scales
+    J = J * spreads
     candidates = [
-        (free, z, J[:, [j]], np.delete(J, j, axis=1)) for j, (free, z) in enumerate(zip(task.shared, p, strict=False))
+        (free, z, spread, J[:, [j]], np.delete(J, j, axis=1))
+        for j, (free, z, spread) in enumerate(zip(task.shared, p, spreads, strict=False))
     ]
     if offset is not None:
-        candidates.append((offset, 0.0, np.full((len(e), 1), offset.slope(0.0)), J))
-    split = np.hstack([column * runs for _, _, column, _ in candidates])
+        candidates.append((offset, 0.0, 1.0, np.full((len(e), 1), offset.scale), J))
+    split = np.hstack([column * runs for _, _, _, column, _ in candidates])
     own = J[:, len(task.shared) :]
     groups, size = discrepancy.estimate(e, np.hstack([split, own]), task.responses_at(p), steps, scored)
     rows = []
-    for free, z, column, others in candidates:
+    for free, z, spread, column, others in candidates:
         columns = column * runs
         change, posterior, sampling = (
             part[: runs.shape[1]] for part in _own_steps(e, np.hstack([columns, others]), groups, size)
         )
-        sampling, spreads = sampling[:, : runs.shape[1]], np.sqrt(np.diag(posterior))
+        sampling, stds = sampling[:, : runs.shape[1]], np.sqrt(np.diag(posterior))
         seen = np.sqrt(np.sum(columns**2, axis=0) / task.lengths)  # RMS of the response per unit
         matters = float(np.max(np.abs(change - np.median(change)) * seen)) > least
-        row = _of_parameter(free, float(z), change, spreads, sampling, CHANCE / len(candidates), level)
+        row = _of_parameter(free, float(z), spread, change, stds, sampling, CHANCE / len(candidates), level)
         rows.append(row if matters else replace(row, differ=False, odd=None, rest_agrees=True))
     return tuple(rows)
 
@@ -103,12 +106,19 @@ def _own_steps(
 
 
 def _of_parameter(
-    free: Free, z: float, steps: np.ndarray, spreads: np.ndarray, sampling: np.ndarray, limit: float, level: float
+    free: Free,
+    z: float,
+    spread: float,
+    steps: np.ndarray,
+    stds: np.ndarray,
+    sampling: np.ndarray,
+    limit: float,
+    level: float,
 ) -> Agreement:
-    """What the runs say of one parameter at coordinate z."""
+    """What the runs say of one parameter at coordinate z, whose steps (runs,) count in scales of `spread` each."""
     wide = float(norm.ppf(0.5 + level / 2))
-    low, values, high = (free.outer(z + steps + side * wide * spreads) for side in (-1.0, 0.0, 1.0))
-    told = spreads**2 < 0.5  # the run's information is larger than that of the prior, whose variance is 1
+    low, values, high = (free.outer(z + spread * (steps + side * wide * stds)) for side in (-1.0, 0.0, 1.0))
+    told = stds**2 < 0.5  # the run's information is larger than that of the prior, whose variance is 1
     squares, chance = _differences(steps, sampling)
     row = Agreement(
         free.name, free.unit, float(free.outer(z)), values, low, high, told, chance, squares, chance < limit

@@ -11,11 +11,12 @@ from sysid.base.parallel import available_cores, one_blas_thread
 from sysid.solver.iterate import Options
 from twin.calibrate import discrepancy
 from twin.calibrate.agreement import agreement
+from twin.calibrate.band import Lack, lack
 from twin.calibrate.identifiability import tell
 from twin.calibrate.leg import DELAY, OFFSET, ROWS, ZERO, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Simulations
 from twin.calibrate.result import LEVEL, Calibration, Value
-from twin.calibrate.runs import free_runs, score
+from twin.calibrate.runs import free_runs, score, with_bands
 from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
 from twin.follow import VISIBLE
@@ -103,10 +104,11 @@ def calibrate(
         optimum = find_optimum(task, draw, progress=lambda k, loss: say(f"iteration {k}"), options=limits)
         say("intervals")
         unsure = [*(row.name for row in verdicts if not (row.told or row.missed)), *nuisance_rows]
-        wide = _problem(Leg(joint, initial, (*rows, *nuisance_rows), *of_runs), logs, labels)
+        wide_leg = Leg(joint, initial, (*rows, *nuisance_rows), *of_runs)
+        wide = _problem(wide_leg, logs, labels)
         wide.steps = first.steps.copy()
         e, J = task.linearise(optimum.p)
-        size, cov = _covariance(wide, task, optimum, e, J, unsure)
+        size, cov, lacking = _covariance(wide, task, optimum, e, J, unsure)
         agreements = agreement(task, optimum.p, e, J, level, VISIBLE, None if ZERO in daily else OFFSET)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
@@ -115,6 +117,7 @@ def calibrate(
         found |= {row: float(np.mean([v.value for v in each])) for row, each in runs_values.items() if row != ZERO}
         parameters = _as_board_sees(initial.replace(found))
         runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, logs, held_out, labels)
+        runs = with_bands(runs, lacking, wide, wide_leg, _wide_point(wide, task, optimum.p), held_out, level)
     moved_rows = tuple(row for row in ROWS if row not in (*free_rows, *daily, DELAY) and parameters[row] != base[row])
     converged, reason = _verdict(optimum, e, J, cov, seconds)
     cov = cov[: len(free_rows), : len(free_rows)]
@@ -224,29 +227,37 @@ def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool)
 
 def _covariance(
     first: Simulations, task: Simulations, optimum: Optimum, e: np.ndarray, J: np.ndarray, unsure: Sequence[str]
-) -> tuple[discrepancy.Sizes, np.ndarray]:
-    """Sizes of noise and departures, and the covariance (n, n) that they and the rows `unsure` of `first` give."""
+) -> tuple[discrepancy.Sizes, np.ndarray, Lack]:
+    """Sizes of noise and departures, the covariance (n, n) that they and the rows `unsure` of `first` give, and the
+    posterior of all rows of `first` and departures.
+
+    A row that keeps a value which may be a scale off adds (J+ J_c S)(J+ J_c S)' with its column J_c and its scale S as
+    a coordinate (Schmidt's considered parameters).
+    """
     responses, steps = task.responses_at(optimum.p), [record.Ts for record in task.records]
     scored_samples = np.concatenate([record.scored for record in task.records])
-    departures, size = discrepancy.estimate(e, J, responses, steps, scored_samples)
-    cov = discrepancy.covariance(J, departures, size)
-    return size, cov + _covariance_of_considered(first, task, optimum, J, unsure)
+    groups, size = discrepancy.estimate(e, J, responses, steps, scored_samples)
+    cov = discrepancy.covariance(J, groups, size)
+    names, p, shared = [f.name for f in first.shared], _wide_point(first, task, optimum.p), len(task.shared)
+    first.take_over(p, responses)
+    searched = [names.index(f.name) for f in task.shared]
+    others = [j for j in range(len(names)) if j not in searched]
+    every, spreads = np.zeros((len(e), len(names))), first.spreads(p)[: len(names)]
+    every[:, searched] = J[:, :shared]
+    every[:, others] = first.columns(p, others)
+    indices = [names.index(name) for name in unsure]
+    sensitivity = np.linalg.pinv(J) @ (every[:, indices] * spreads[indices])
+    frame = discrepancy.Frame.of(responses, steps)
+    lacking = lack(e, every, spreads, J[:, shared:], groups, size, frame)
+    return size, cov + sensitivity @ sensitivity.T, lacking
 
 
-def _covariance_of_considered(
-    first: Simulations, task: Simulations, optimum: Optimum, J: np.ndarray, names: Sequence[str]
-) -> np.ndarray:
-    """Covariance (n, n) of the estimate from rows that keep a value which may be a scale off (Schmidt's considered
-    parameters): (J+ J_c S)(J+ J_c S)' with their columns J_c, and their scales S as coordinates."""
-    columns = {f.name: j for j, f in enumerate(first.shared)}
-    p = first.start
-    p[[columns[f.name] for f in task.shared]] = optimum.p[: len(task.shared)]
-    p[len(first.shared) :] = optimum.p[len(task.shared) :]
-    first.take_over(p, task.responses_at(optimum.p))
-    indices = [columns[name] for name in names]
-    spread = np.array([first.free[j].scale / first.free[j].slope(first.free[j].start) for j in indices])
-    sensitivity = np.linalg.pinv(J) @ (first.columns(p, indices) * spread)
-    return sensitivity @ sensitivity.T
+def _wide_point(first: Simulations, task: Simulations, p: np.ndarray) -> np.ndarray:
+    """Coordinates of `first`, which has more shared parameters than `task`, at p of `task`."""
+    columns, out = {f.name: j for j, f in enumerate(first.shared)}, first.start
+    out[[columns[f.name] for f in task.shared]] = p[: len(task.shared)]
+    out[len(first.shared) :] = p[len(task.shared) :]
+    return out
 
 
 def _covariance_of_missed_end(

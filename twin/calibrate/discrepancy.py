@@ -52,12 +52,27 @@ def directions(y: np.ndarray, Ts: float) -> tuple[np.ndarray, np.ndarray]:
     return np.where(way == 0.0, 1.0, way), moves
 
 
-def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float) -> list[np.ndarray]:
+@dataclass(frozen=True)
+class Frame:
+    """Range and fastest speed of the responses over which departures are functions."""
+
+    low: float
+    high: float
+    fastest: float
+
+    @classmethod
+    def of(cls, responses: Sequence[np.ndarray], Ts: Sequence[float]) -> "Frame":
+        """The frame of these responses (N,)."""
+        fastest = max(float(np.abs(np.gradient(y, step)).max()) for y, step in zip(responses, Ts, strict=True))
+        return cls(float(min(map(np.min, responses))), float(max(map(np.max, responses))), fastest)
+
+
+def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float, frame: Frame) -> list[np.ndarray]:
     """Departures that depend on place, on place and direction, and in time (of a moving joint) on both: three groups.
 
     Each group is (N, columns) over all records. Weights of the third are in seconds.
     """
-    low, high = min(map(np.min, responses)), max(map(np.max, responses))
+    low, high = frame.low, frame.high
     groups: tuple[list, list, list] = ([], [], [])
     for y, step in zip(responses, Ts, strict=True):
         shape, (way, moves) = bumps(y, low, high, width), directions(y, step)
@@ -69,13 +84,12 @@ def repeating(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float
     return [np.vstack(group) for group in groups]
 
 
-def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float) -> list[np.ndarray]:
+def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float, frame: Frame) -> list[np.ndarray]:
     """Departures of speed by place and direction, and by speed and direction, summed up since the last end stop.
 
     Their weights are in the unit of the response per second.
     """
-    low, high = min(map(np.min, responses)), max(map(np.max, responses))
-    fastest = max(float(np.abs(np.gradient(y, step)).max()) for y, step in zip(responses, Ts, strict=True))
+    low, high, fastest = frame.low, frame.high, frame.fastest
     out = []
     for y, step in zip(responses, Ts, strict=True):
         speed, (way, moves) = np.gradient(y, step), directions(y, step)
@@ -86,6 +100,11 @@ def drifting(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float)
         end = ~moves & ((y < low + AT_END * (high - low)) | (y > high - AT_END * (high - low)))
         out.append(_sum_since_reset(rate * step, end))
     return [np.vstack(out)]
+
+
+def departures(responses: Sequence[np.ndarray], Ts: Sequence[float], width: float, frame: Frame) -> list[np.ndarray]:
+    """All groups, in the order of `GROUPS`, each (N, columns) over all records."""
+    return [*repeating(responses, Ts, width, frame), *drifting(responses, Ts, width, frame)]
 
 
 def _sum_since_reset(change: np.ndarray, reset: np.ndarray) -> np.ndarray:
@@ -130,9 +149,9 @@ def estimate(
     e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored_samples: np.ndarray
 ) -> tuple[list[np.ndarray], Sizes]:
     """Departures at the scored samples, and their sizes, at the width with the largest restricted likelihood."""
-    candidates = []
+    candidates, frame = [], Frame.of(responses, Ts)
     for width in WIDTHS:
-        groups = [g[scored_samples] for g in (*repeating(responses, Ts, width), *drifting(responses, Ts, width))]
+        groups = [g[scored_samples] for g in departures(responses, Ts, width, frame)]
         candidates.append((groups, replace(sizes(e, J, groups), width=width)))
     return max(candidates, key=lambda candidate: candidate[1].likelihood)
 

@@ -135,6 +135,10 @@ class Simulations:
         """Physical values (n,) at coordinates p (n,)."""
         return np.array([float(f.outer(z)) for f, z in zip(self.free, p, strict=True)])
 
+    def spreads(self, p: np.ndarray) -> np.ndarray:
+        """One scale of each parameter as a coordinate (n,), at p (n,)."""
+        return np.array([f.scale for f in self.free]) / self.slopes(p)
+
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """d value / d coordinate (n,)."""
         return np.array([f.slope(value) for f, value in zip(self.free, self.values(p), strict=True)])

@@ -37,7 +37,10 @@ class Value:
 
 @dataclass(frozen=True)
 class Score:
-    """Free run over one log: RMS error [rad] and fit [%] of the uncalibrated and of the calibrated twin."""
+    """Free run over one log: RMS error [rad] and fit [%] of the uncalibrated and of the calibrated twin.
+
+    `inside`: the share of the samples within the band; None for a log that was used.
+    """
 
     log: str
     held_out: bool
@@ -45,11 +48,12 @@ class Score:
     rms_after: float
     fit_before: float
     fit_after: float
+    inside: float | None = None
 
 
 @dataclass(frozen=True)
 class Run:
-    """A log with both free runs: t, u, y, before and after (N,)."""
+    """A log with both free runs: u, y, before and after (N,); `half` (N,) is the half width of the band of `after`."""
 
     name: str
     held_out: bool
@@ -58,6 +62,7 @@ class Run:
     y: np.ndarray
     before: np.ndarray
     after: np.ndarray
+    half: np.ndarray | None = None
 
 
 @dataclass(frozen=True)

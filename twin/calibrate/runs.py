@@ -1,9 +1,11 @@
 """Free runs of the uncalibrated and of the calibrated twin over all logs of a calibration, and their scores."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from twin.calibrate.band import Lack
 from twin.calibrate.leg import ZERO, Leg
 from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.result import Run, Score
@@ -46,6 +48,30 @@ def free_runs(
     return tuple(out)
 
 
+def with_bands(
+    runs: Sequence[Run],
+    lacking: Lack,
+    wide: Simulations,
+    leg: Leg,
+    p: np.ndarray,
+    held_out: Sequence[Log],
+    level: float,
+) -> tuple[Run, ...]:
+    """The runs, those over logs that were not used with the band of `level`.
+
+    `wide` has all rows of `lacking` as its shared parameters, at p (n,); `leg` is its leg.
+    """
+    out = [run for run in runs if not run.held_out]
+    for run, log in zip(runs[len(out) :], held_out, strict=True):
+        record = leg.record(log, run.name)
+        task = Simulations(wide.shared, [record], wide.noise)
+        task.steps[: len(wide.shared)] = wide.steps[: len(wide.shared)]
+        start = task.start
+        start[: len(wide.shared)] = p[: len(wide.shared)]
+        out.append(replace(run, half=lacking.half(task, start, run.after, level)))
+    return tuple(out)
+
+
 def _from_first_angle(record: Record, values: np.ndarray, own: np.ndarray) -> np.ndarray:
     """The free run (N,) that begins at the median of the log's first angles, with shared and own `values`.
 
@@ -66,4 +92,6 @@ def score(run: Run) -> Score:
     def fit(response: np.ndarray) -> float:
         return float(100.0 * (1.0 - rms(response) / np.nanstd(run.y)))
 
-    return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after))
+    scored = np.isfinite(run.y)
+    inside = None if run.half is None else float(np.mean(np.abs(run.y - run.after)[scored] <= run.half[scored]))
+    return Score(run.name, run.held_out, rms(run.before), rms(run.after), fit(run.before), fit(run.after), inside)

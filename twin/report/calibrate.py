@@ -10,7 +10,7 @@ from sysid.base.files import versions
 from sysid.base.quantities import display_quantity, number
 from sysid.base.style import styled
 from sysid.data.record import IOData
-from sysid.drawing.figure import Axis, Figure, Line, Panel, Points
+from sysid.drawing.figure import Axis, Band, Figure, Line, Panel, Points
 from sysid.plots.free_runs import runs_figure
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate import advice
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 
 def page(result: Calibration) -> Page:
     """The report on one calibration."""
-    overlays = [
-        Picture.of(f"overlay-{k}", overlay_figure(run), _OVERLAY.format(run.name, _use(run)))
-        for k, run in enumerate(result.runs, 1)
-    ]
+    overlays = [Picture.of(f"overlay-{k}", overlay_figure(run), _caption(run)) for k, run in enumerate(result.runs, 1)]
     correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
     residual_pictures = [
         Picture.of("residuals", residuals_figure(result), _RESIDUALS),
@@ -49,6 +46,10 @@ def page(result: Calibration) -> Page:
 
 
 _OVERLAY = "{} ({}): log, twin before and twin calibrated in free run, and the two errors."
+_BAND = (
+    "{} (held out): log, twin before and twin calibrated in free run. Below, the error of the calibrated twin stays in "
+    "the band where the twin is as good as the logs that were used let one expect."
+)
 _SEARCH = "RMS error over the iterations, from the values of column start, which are not those before."
 PARTS = 24  # of the travel, each with its mean residual; chosen by hand
 _CORRELATION = "Correlation of the estimates: near 1 or -1, an error in one is made up for by the other."
@@ -79,8 +80,13 @@ def sentences(result: Calibration) -> list[str]:
         texts.append(
             f"{score.log} ({_use(score)}): free run {score.fit_before:.1f} % before, "
             f"{score.fit_after:.1f} % after calibration."
+            + ("" if score.inside is None else f" The 95 % band holds {100 * score.inside:.0f} % of its samples.")
         )
     return texts if result.differing else texts + runs
+
+
+def _caption(run: Run) -> str:
+    return (_OVERLAY if run.half is None else _BAND).format(run.name, _use(run))
 
 
 def _use(item: Run | Score) -> str:
@@ -122,10 +128,11 @@ def scores(result: Calibration) -> Grid:
             _use(score),
             *(number(float(np.degrees(rms)), 3) for rms in (score.rms_before, score.rms_after)),
             *(f"{fit:.2f} %" for fit in (score.fit_before, score.fit_after)),
+            number(None) if score.inside is None else f"{100 * score.inside:.0f} %",
         )
         for score in result.scores
     ]
-    headings = ("log", "", "RMS before [deg]", "RMS after [deg]", "fit before", "fit after")
+    headings = ("log", "", "RMS before [deg]", "RMS after [deg]", "fit before", "fit after", "inside the band")
     return Grid(headings, rows, text_columns=2)
 
 
@@ -142,12 +149,18 @@ def _identifiability(result: Calibration) -> Grid:
 
 
 def overlay_figure(run: Run) -> Figure:
-    """Log and both free runs over time, with their errors and the input below."""
+    """Log and both free runs over time, with their errors and the input below; the error of a log that was not used
+    within its band."""
     data = IOData(run.u, run.y, run.Ts, "input", "angle", "V", "rad", missing=~np.isfinite(run.y))
     models = {"twin calibrated": run.after, "twin before": run.before}
     figure = runs_figure(data, models, "log", (style.MODEL, style.SECOND))
-    first, *rest = figure.panels
-    return replace(figure, panels=[replace(first, title=run.name), *rest])
+    first, errors, *rest = figure.panels
+    if run.half is not None:
+        half = np.degrees(run.half)
+        band = Band(data.t, -half, half, "95 % band", style.MODEL)
+        line = Line(data.t, np.degrees(run.y - run.after), "twin calibrated", style.MODEL, 1.0, key=False)
+        errors = Panel([band, line], Axis("error [deg]"), Axis.time(), "error, log minus calibrated twin", 0.8)
+    return replace(figure, panels=[replace(first, title=run.name), errors, *rest])
 
 
 def _leg(result: Calibration) -> Picture:
