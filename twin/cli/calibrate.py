@@ -1,4 +1,4 @@
-"""`qpal calibrate`: the twin's parameters from logs of the leg."""
+"""`qpal calibrate`: the twin's parameters from logs of the leg, or those of a user's MJCF from logs of its joints."""
 
 import shlex
 from pathlib import Path
@@ -7,20 +7,32 @@ from typing import Annotated
 import typer
 
 import twin
+from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.output import run_folder
 from twin.hardware.potentiometer import SIDES
 from twin.parameters import REALISATIONS
 
 STEPS = 24  # of the progress bar; a search rarely has more
+JOINT = "thigh"  # where neither a joint nor a model is named
 
 
 def calibrate(
     files: Annotated[list[str], typer.Argument(metavar="FILE...", help="logs of the joint to calibrate from")],
-    joint: Annotated[str, options.name("which", twin.JOINTS)] = "thigh",
+    joint: Annotated[str | None, options.name(f"which, {JOINT} if not given", twin.JOINTS)] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="FILE", help="MJCF of a robot, to calibrate its joints instead of the leg's")
+    ] = None,
+    actuator: Annotated[str, typer.Option(metavar="A,B", help="with --model: actuators whose joints are logged")] = "",
+    input: options.Input = None,
+    output: options.Output = None,
     free: Annotated[
         str | None,
-        typer.Option(metavar="A,B", help="parameters to calibrate; those that logs usually tell, if not given"),
+        typer.Option(
+            metavar="A,B",
+            help="parameters to calibrate; those that logs usually tell, if not given. With --model, of armature, "
+            "damping, frictionloss, delay, bias (these are usual), kp, kv, gain, backlash",
+        ),
     ] = None,
     fix: Annotated[str, typer.Option(metavar="A,B", help="parameters whose values are known")] = "",
     by_run: Annotated[
@@ -32,8 +44,12 @@ def calibrate(
     without: Annotated[
         str, typer.Option(metavar="A,B", help=f"imperfections to leave out, of {', '.join(twin.IMPERFECTIONS)}")
     ] = "",
-    pot_side: Annotated[str, options.name("side of the backlash on which the potentiometer sits", SIDES)] = "link",
-    realisation: Annotated[str, options.name("how the linear actuators are modelled", REALISATIONS)] = "tendon",
+    pot_side: Annotated[
+        str | None, options.name("side of the backlash on which the potentiometer sits, link if not given", SIDES)
+    ] = None,
+    realisation: Annotated[
+        str | None, options.name("how the linear actuators are modelled, tendon if not given", REALISATIONS)
+    ] = None,
     params: options.Params = None,
     map: options.Map = None,
     seed: Annotated[int, options.whole_number("N", "of the drawn starts")] = 0,
@@ -41,13 +57,33 @@ def calibrate(
     out: options.Out = None,
     as_json: options.Json = False,
 ) -> int:
-    """Fit the twin's parameters to logs of the leg.
+    """Fit parameters of the leg, or of a robot's MJCF, to logs.
 
-    They are written, with intervals, as a file for --params.
+    They are written, with intervals, as a file for --params, or as an MJCF and ranges for randomisation.
 
     Limit: 2 descents of at most 30 steps each. Progress: each step. Budget: --seconds.
     """
     limit = options.budget(seconds)
+    _check_options(
+        model,
+        {"--actuator": actuator, "--input": input, "--output": output},
+        {
+            "--joint": joint,
+            "--fix": fix,
+            "--without": without,
+            "--pot-side": pot_side,
+            "--realisation": realisation,
+            "--params": params,
+        },
+    )
+    if model is not None:
+        columns = {"input": input, "output": output, "mapping": map}
+        kinds = None if free is None else options.names(free)
+        held = options.names(hold_out)
+        return _robot(
+            model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json
+        )
+    joint = joint or JOINT
     from sysid.report.page import write
     from twin.calibrate import advice
     from twin.calibrate.calibration import calibrate as run
@@ -64,8 +100,8 @@ def calibrate(
             options.names(fix),
             [logs[file] for file in held_out],
             options.names(without),
-            pot_side,
-            realisation,
+            pot_side or "link",
+            realisation or "tendon",
             seed=options.seed(seed),
             labels=[Path(file).name for file in (*files, *held_out)],
             progress=step,
@@ -83,3 +119,50 @@ def calibrate(
     sentences += [] if result.differing else [next_step]  # a value that differs between logs comes first
     console.finish(folder, summary, as_json, report.tables(result), sentences)
     return 0 if result.converged and not advice.useless(result) else 1
+
+
+def _check_options(model: str | None, of_robot: dict[str, str | None], of_leg: dict[str, str | None]) -> None:
+    """Raises InputError for options that belong to the leg where a robot is calibrated, and the other way round."""
+    for name, value in (of_robot if model is None else of_leg).items():
+        if value:
+            side = "a robot's MJCF: give it with --model" if model is None else f"the leg, and --model is {model}"
+            raise InputError(f"{name} belongs to {side}, or leave {name} out")
+
+
+def _robot(
+    model: str,
+    actuators: tuple[str, ...],
+    files: list[str],
+    held_out: tuple[str, ...],
+    columns: dict[str, str | None],
+    kinds: tuple[str, ...] | None,
+    seed: int,
+    seconds: float,
+    out: str | None,
+    as_json: bool,
+) -> int:
+    """Calibrate joints of the MJCF `model`."""
+    from sysid.report.page import write
+    from twin.mjcf import logs, robot, writing
+    from twin.mjcf.calibration import calibrate as run
+    from twin.mjcf.parameters import USUAL
+    from twin.report import mjcf as report
+
+    rig = robot.read(model, actuators)
+    records = {file: logs.read(file, rig, **columns) for file in (*files, *held_out)}
+    with run_folder(out, "calibrate") as (folder, scratch), console.progress(STEPS, lines=not as_json) as step:
+        result = run(
+            rig,
+            [records[file] for file in files],
+            [records[file] for file in held_out],
+            USUAL if kinds is None else kinds,
+            seed,
+            progress=step,
+            seconds=seconds,
+        )
+        written = writing.write(result, scratch)
+        summary = {"files": [str(folder / name) for name in written], **result.as_dict()}
+        write(scratch, report.page(result), summary)
+    verdict, *others = report.sentences(result)
+    console.finish(folder, summary, as_json, report.tables(result), others, verdict)
+    return 0 if result.optimum.stop.converged and result.usable else 1

@@ -222,20 +222,31 @@ def show(grid: Grid) -> None:
 
 
 def finish(
-    folder: Path, summary: dict[str, Any], as_json: bool, grids: Sequence[Grid], sentences: Sequence[str]
+    folder: Path,
+    summary: dict[str, Any],
+    as_json: bool,
+    grids: Sequence[Grid],
+    sentences: Sequence[str],
+    verdict: str = "",
 ) -> None:
-    """The end of a verb: only the summary, or tables, sentences and the path of the report."""
+    """The end of a verb: only the summary, or the verdict, tables, sentences and the path of the report."""
     if as_json:
         sys.stdout.write(to_json(summary))
         return
     from rich.console import Console
 
-    for grid in grids:
-        show(grid)
     console = Console()
-    for sentence in sentences:
+
+    def say(sentence: str) -> None:
         if console.is_terminal:  # breaks lines between words
             console.print(sentence, markup=False, highlight=False)
         else:
             print(sentence)
+
+    if verdict:
+        say(verdict)
+    for grid in grids:
+        show(grid)
+    for sentence in sentences:
+        say(sentence)
     print(f"Report: {folder / 'report.html'}")

@@ -1,0 +1,187 @@
+"""Joints of a user's MJCF: values found from a bad start, written back, and refusals in a sentence."""
+
+import json
+import shutil
+import tomllib
+
+import mujoco
+import numpy as np
+import pytest
+from robots import HIP, KNEE, PENDULUM, TRUTH, chirp, levels, record, write_table
+
+from sysid.base.errors import InputError
+from twin.calibrate.problem import Simulations
+from twin.cli import main
+from twin.mjcf import calibration, logs, problem, robot, simulation, writing
+from twin.mjcf.parameters import parameters
+
+TS = 0.004
+COLUMNS = [
+    *("--input", f"{HIP} command [rad],{KNEE} command [rad]"),
+    *("--output", f"{HIP} angle [deg],{KNEE} angle [deg]"),
+]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """robot.xml without friction, armature or delay, and two logs of a robot that has them."""
+    made = tmp_path_factory.mktemp("robot")
+    (made / "robot.xml").write_text(PENDULUM)
+    rng, t = np.random.default_rng(0), np.arange(1500) * TS
+    chirps = np.column_stack([chirp(t), chirp(t, 0.3, 4.0, 0.6)])
+    for name, u in (("chirp.csv", chirps), ("steps.csv", levels(rng, 2, 1000, 120))):
+        y = record(PENDULUM, TRUTH, (HIP, KNEE), u, TS, 1e-3, rng)
+        write_table(made / name, (HIP, KNEE), u, y, TS)
+    return made
+
+
+@pytest.fixture(scope="module")
+def calibrated(folder):
+    rig = robot.read(folder / "robot.xml", (HIP, KNEE))
+    used, held = (logs.read(str(folder / name), rig, COLUMNS[1], COLUMNS[3]) for name in ("chirp.csv", "steps.csv"))
+    return calibration.calibrate(rig, [used], [held]), used
+
+
+def test_hidden_values_are_found_from_none(calibrated):
+    result, _ = calibrated
+    assert result.optimum.stop.converged
+    for name, truth in TRUTH.items():
+        value = result[name]
+        assert value.determined
+        assert value.holds(truth) or abs(value.value - truth) < 0.02 * abs(truth), name
+    for run in result.runs:
+        assert run.rms("after") < 1.1e-3  # of which 1e-3 is noise
+        assert run.rms("before") > 0.03
+
+
+def test_the_written_robot_moves_as_the_calibrated_one(calibrated, folder, tmp_path):
+    """In plain MuJoCo, whose own delay takes the commands later."""
+    result, log = calibrated
+    assert writing.write(result, tmp_path) == ["ranges.toml", "robot.xml", "changes.diff"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    data, bias = mujoco.MjData(model), np.array([model.numeric(f"{name}_bias").data[0] for name in (HIP, KNEE)])
+    data.qpos[:] = log.first - bias
+    for k in range(2):
+        mujoco.mj_initCtrlHistory(model, data, k, None, np.full(int(model.actuator_history[k, 0]), log.u[0, k]))
+    y = np.zeros_like(log.u)
+    for k, u in enumerate(log.u):
+        y[k], data.ctrl[:] = data.qpos + bias, u
+        mujoco.mj_step(model, data, round(TS / model.opt.timestep))
+    after = np.column_stack([run.after for run in result.runs if not run.held_out])
+    assert np.abs(y - after).max() < 1e-5
+    table = tomllib.loads((tmp_path / "ranges.toml").read_text())
+    std = [row["std"] for row in table["parameter"]]
+    np.testing.assert_allclose(np.sqrt(np.diag(table["joint"]["covariance"])), std, rtol=1e-6)
+
+
+def test_the_jacobian_is_that_of_single_differences(calibrated):
+    """Also where trees of bodies are stepped together."""
+    result, log = calibrated
+    spec = mujoco.MjSpec.from_string(PENDULUM)
+    spec.body("world").add_body(name="other", pos=[1, 0, 1])
+    spec.attach(mujoco.MjSpec.from_string(PENDULUM), prefix="b_", site=spec.body("other").add_site())
+    names = (HIP, KNEE, f"b_{HIP}", f"b_{KNEE}")
+    model = spec.compile()
+    pair = robot.Robot(result.robot.path, spec, model, tuple(robot._drive(result.robot.path, model, n) for n in names))
+    assert len({drive.tree for drive in pair.drives}) == 2
+    both = logs.RobotLog("both", *(np.tile(each[:200], 2) for each in (log.u, log.y)), TS)
+    task = problem.Fit(simulation.Rig(pair, parameters(pair)), [both], np.full(4, 1e-3))
+    p, columns = task.start, range(len(task.free))
+    base, steps = task.responses_at(p), np.full(len(columns), 0.01)
+    alone = Simulations._changes(task, p, base, columns, steps)
+    single, task.simulations = task.simulations, 0
+    np.testing.assert_allclose(task._changes(p, base, columns, steps), alone, atol=1e-9)
+    assert task.simulations < 0.6 * single
+
+
+def test_a_log_that_shows_nothing_determines_nothing(folder):
+    rig = robot.read(folder / "robot.xml", (KNEE,))
+    rng = np.random.default_rng(2)
+    still = logs.RobotLog("still", np.zeros((300, 1)), 1e-3 * rng.standard_normal((300, 1)), TS)
+    result = calibration.calibrate(rig, [still])
+    names = {value.name for value in result.values if not value.determined}
+    assert {f"{KNEE}.armature", f"{KNEE}.damping", "delay"} <= names
+
+
+def test_gains_and_a_play_are_found(folder):
+    rng, truth = np.random.default_rng(3), {**TRUTH, "hip_servo.kp": 40.0}
+    u = levels(rng, 2, 1500, 100)
+    y = record(PENDULUM, truth, (HIP, KNEE), u, TS, 3e-4, rng)
+    play = np.array([0.03, 0.0])
+    for k in range(1, len(y)):
+        y[k] = np.clip(y[k - 1], y[k] - play / 2, y[k] + play / 2)
+    wrong = folder / "wrong.xml"
+    wrong.write_text(PENDULUM.replace('kp="40"', 'kp="30"'))
+    rig = robot.read(wrong, (HIP, KNEE))
+    result = calibration.calibrate(
+        rig,
+        [logs.RobotLog("steps", u, y, TS)],
+        names=("kp", "armature", "damping", "frictionloss", "delay", "bias", "backlash"),
+    )
+    assert abs(result["hip_servo.kp"].value / 40.0 - 1.0) < 0.02
+    assert abs(result["hip_servo.backlash"].value / 0.03 - 1.0) < 0.1
+
+
+def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("robot.xml", "chirp.csv", "steps.csv"):
+        shutil.copy(folder / name, name)
+    command = ["calibrate", "chirp.csv", "--model", "robot.xml", "--actuator", f"{HIP},{KNEE}", *COLUMNS]
+    assert main([*command, "--hold-out", "steps.csv", "--out", "out"]) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("9 of 9 values are determined, and at the worst joint the error of the free run goes from")
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["usable"]
+    for file in ("out/robot.xml", "out/changes.diff", "out/ranges.toml"):
+        assert file in [path.replace("\\", "/") for path in summary["files"]]
+    mujoco.MjModel.from_xml_path("out/robot.xml")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"--actuator": "elbow"}, f"unknown actuator 'elbow'; choose one of {HIP}, {KNEE}"),
+        ({"--actuator": ""}, f"give --actuator {HIP},{KNEE}"),
+        ({"--actuator": f"{HIP},{HIP}"}, "named twice"),
+        ({"--model": "none.xml"}, "is no file; give the MJCF of your robot"),
+        ({"--model": "broken.xml"}, "MuJoCo does not load it"),
+        ({"--model": "tendon.xml"}, f"actuator '{HIP}' drives a tendon"),
+        ({"--input": None}, "which columns are the commands and positions"),
+        ({"--input": "a,b"}, "'a'"),
+        ({"--output": f"{HIP} angle [deg]"}, "1 output column(s) for 2 actuator(s)"),
+        ({"--free": "mass"}, "unknown parameter 'mass'; choose one of armature, damping"),
+        ({"--free": "gain"}, "is a position servo; free kp instead"),
+        ({"--joint": "thigh"}, "--joint belongs to the leg"),
+        ({"--model": None}, "--actuator belongs to a robot's MJCF"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused_in_a_sentence(change, said, folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    (folder / "broken.xml").write_text("<mujoco><worldbody><body></mujoco>")
+    cable = '<tendon><fixed name="cable"><joint joint="hip" coef="1"/></fixed></tendon><actuator>'
+    text = PENDULUM.replace("<actuator>", cable).replace('"hip_servo" joint="hip"', '"hip_servo" tendon="cable"')
+    (folder / "tendon.xml").write_text(text)
+    options = {"--model": "robot.xml", "--actuator": f"{HIP},{KNEE}", "--input": COLUMNS[1], "--output": COLUMNS[3]}
+    words = [word for pair in (options | change).items() if pair[1] is not None for word in pair]
+    assert main(["calibrate", "chirp.csv", *words, "--out", "no"]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not (folder / "no").exists()
+
+
+def test_a_free_base_is_held_and_units_are_looked_at(folder, tmp_path):
+    path = tmp_path / "free.xml"
+    path.write_text(
+        PENDULUM.replace('<body pos="0 0 1">', '<body name="base"><freejoint/><geom size=".1"/><body>', 1).replace(
+            "</body>\n  </worldbody>", "</body></body>\n  </worldbody>"
+        )
+    )
+    rig = robot.read(path, (KNEE,))
+    assert rig.model.nq == 2
+    assert "held in the air" in rig.notes[0]
+    log = tmp_path / "log.csv"
+    rows = np.column_stack([np.arange(50) * TS, np.sin(np.arange(50)), np.sin(np.arange(50))])
+    np.savetxt(log, rows, delimiter=",", comments="", header="time [s],command [V],angle [deg]")
+    with pytest.raises(InputError, match=r"the input 'command .V.' is in V, and actuator 'knee_servo' needs rad"):
+        logs.read(str(log), rig)

@@ -1,0 +1,83 @@
+"""Robots as MJCF with hidden values, and logs of them made step by step with MuJoCo alone, apart from `twin.mjcf`."""
+
+import mujoco
+import numpy as np
+
+HIP, KNEE = "hip_servo", "knee_servo"
+PENDULUM = """
+<mujoco model="pendulum">
+  <option timestep="0.002" integrator="implicitfast"/>
+  <default><geom contype="0" conaffinity="0"/></default>
+  <worldbody>
+    <body pos="0 0 1">
+      <joint name="hip" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03"/>
+      <body pos="0 0 -.3">
+        <joint name="knee" axis="0 1 0"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.25" size=".02"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <position name="hip_servo" joint="hip" kp="40" kv="1"/>
+    <position name="knee_servo" joint="knee" kp="20" kv="0.4"/>
+  </actuator>
+</mujoco>
+"""
+TRUTH = {
+    "hip_servo.armature": 0.03,
+    "knee_servo.armature": 0.012,
+    "hip_servo.damping": 0.6,
+    "knee_servo.damping": 0.2,
+    "hip_servo.frictionloss": 0.4,
+    "knee_servo.frictionloss": 0.25,
+    "delay": 0.009,
+    "hip_servo.bias": 0.04,
+    "knee_servo.bias": -0.03,
+}
+
+
+def chirp(t, low=0.2, high=3.0, amplitude=0.5):
+    """A sweep of frequency [Hz] over t (N,) [s]."""
+    return amplitude * np.sin(2.0 * np.pi * (low * t + (high - low) / (2.0 * t[-1]) * t**2))
+
+
+def levels(rng, n, N, each, amplitude=0.6):
+    """Random levels (N, n), `each` samples long."""
+    return np.repeat(rng.uniform(-amplitude, amplitude, (N // each + 1, n)), each, axis=0)[:N]
+
+
+def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec):
+    """Readings y (N, n) of actuators `names` under u (N, n), held for Ts [s], of a robot with the hidden values.
+
+    The encoders read the angle plus the bias, and the servos control what they read. `keep` changes the spec.
+    """
+    spec = keep(mujoco.MjSpec.from_string(xml))
+    for name in names:
+        joint = spec.joint(spec.actuator(name).target)
+        for field in ("armature", "frictionloss"):
+            setattr(joint, field, truth.get(f"{name}.{field}", getattr(joint, field)))
+        joint.damping[0] = truth.get(f"{name}.damping", joint.damping[0])
+    model = spec.compile()
+    data, h = mujoco.MjData(model), model.opt.timestep
+    bias = np.array([truth.get(f"{name}.bias", 0.0) for name in names])
+    ids = [model.actuator(name).id for name in names]
+    places = [int(model.jnt_qposadr[model.actuator_trnid[k, 0]]) for k in ids]
+    servo = np.array([model.actuator_biasprm[k, 1] != 0.0 for k in ids])
+    data.qpos[places] = np.where(servo, u[0], 0.0) - bias
+    every, y = round(Ts / h), np.zeros(u.shape)
+    fine = (np.arange(40) + 0.5) / 40.0  # parts of a step: the delay is no whole number of steps
+    for step in range(len(u) * every):
+        if step % every == 0:
+            y[step // every] = data.qpos[places] + bias
+        k = np.floor((step * h + fine * h - truth["delay"]) / Ts).astype(int)
+        data.ctrl[ids] = u[np.clip(k, 0, len(u) - 1)].mean(axis=0) - servo * bias
+        mujoco.mj_step(model, data)
+    return y + noise * rng.standard_normal(y.shape)
+
+
+def write_table(path, names, u, y, Ts):
+    """A log as a person has it: seconds, commands in rad, positions in degrees."""
+    heads = ["time [s]", *(f"{n} command [rad]" for n in names), *(f"{n} angle [deg]" for n in names)]
+    rows = np.column_stack([np.arange(len(u)) * Ts, u, np.degrees(y)])
+    np.savetxt(path, rows, delimiter=",", comments="", header=",".join(heads), fmt="%.7g")

@@ -1,0 +1,236 @@
+"""Calibration of joints of an MJCF from logs: the posterior of their values, and free runs before and after."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from sysid.base.errors import InputError
+from sysid.base.parallel import one_blas_thread
+from sysid.estimation.noise_model import long_run_covariance_root
+from sysid.solver.iterate import Options
+from twin.calibrate.search import USUAL as SEARCH
+from twin.calibrate.search import Optimum, find_optimum
+from twin.mjcf.logs import RobotLog
+from twin.mjcf.parameters import USUAL, parameters
+from twin.mjcf.problem import Fit
+from twin.mjcf.robot import Robot
+from twin.mjcf.simulation import Rig, free_run
+
+LEVEL = 0.95
+BIT = 0.5  # of the prior's deviation: a wider posterior has learned less than one bit, and the value is not determined
+ROUNDS = 3  # searches, each with the noise that the last one left
+
+
+@dataclass(frozen=True)
+class Value:
+    """A parameter: the model's value, the calibrated one with its interval and standard deviation [unit].
+
+    `learned` [bit] is log2 of the prior's deviation by the posterior's; below 1 the value is not determined.
+    """
+
+    name: str
+    unit: str
+    before: float
+    value: float
+    low: float
+    high: float
+    std: float
+    learned: float
+    determined: bool
+
+    def holds(self, truth: float) -> bool:
+        """Whether the interval contains `truth`."""
+        return self.low <= truth <= self.high
+
+
+@dataclass(frozen=True)
+class Run:
+    """A log of one drive with the model's free runs (N,) before and after; `unit` is rad or m."""
+
+    log: str
+    drive: str
+    unit: str
+    held_out: bool
+    Ts: float
+    u: np.ndarray = field(repr=False)
+    y: np.ndarray = field(repr=False)
+    before: np.ndarray = field(repr=False)
+    after: np.ndarray = field(repr=False)
+
+    def rms(self, run: str) -> float:
+        """RMS error [unit] of the free run "before" or "after"."""
+        return float(np.sqrt(np.nanmean((self.y - getattr(self, run)) ** 2)))
+
+    def fit(self, run: str) -> float:
+        """Fit [%] of the same."""
+        return 100.0 * (1.0 - self.rms(run) / max(float(np.nanstd(self.y)), 1e-12))
+
+
+@dataclass(frozen=True)
+class RobotCalibration:
+    """Calibrated joints: values, their covariance (P, P) [units], free runs, and how the search ended."""
+
+    robot: Robot
+    rig: Rig
+    values: tuple[Value, ...]
+    covariance: np.ndarray
+    runs: tuple[Run, ...]
+    optimum: Optimum
+    noise: np.ndarray
+    simulations: int
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The values (P,) [units]."""
+        return np.array([value.value for value in self.values])
+
+    @property
+    def determined(self) -> tuple[Value, ...]:
+        """The values that the logs tell."""
+        return tuple(value for value in self.values if value.determined)
+
+    @property
+    def worse(self) -> tuple[Run, ...]:
+        """Held-out runs that the calibration has made worse."""
+        return tuple(run for run in self.runs if run.held_out and not run.rms("after") <= run.rms("before"))
+
+    @property
+    def usable(self) -> bool:
+        """Whether the calibrated model may be used: something is determined, and no held-out run gets worse."""
+        return bool(self.determined) and not self.worse
+
+    def __getitem__(self, name: str) -> Value:
+        return next(value for value in self.values if value.name == name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Values, scores and the search, ready for JSON."""
+        return {
+            "model": str(self.robot.path),
+            "drives": [{"actuator": d.name, "joint": d.joint, "unit": d.unit} for d in self.robot.drives],
+            "notes": list(self.robot.notes),
+            "converged": self.optimum.stop.converged,
+            "reason": self.optimum.stop.reason,
+            "usable": self.usable,
+            "parameters": [asdict(value) for value in self.values],
+            "covariance": self.covariance.tolist(),
+            "residual": dict(zip([drive.name for drive in self.robot.drives], self.noise.tolist(), strict=True)),
+            "scores": [
+                {
+                    "log": run.log,
+                    "actuator": run.drive,
+                    "held_out": run.held_out,
+                    "unit": run.unit,
+                    **{f"rms_{name}": run.rms(name) for name in ("before", "after")},
+                    **{f"fit_{name}": run.fit(name) for name in ("before", "after")},
+                }
+                for run in self.runs
+            ],
+            "simulations": self.simulations,
+        }
+
+
+def calibrate(
+    robot: Robot,
+    logs: Sequence[RobotLog],
+    held_out: Sequence[RobotLog] = (),
+    names: Sequence[str] = USUAL,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[str], None] | None = None,
+    seconds: float = np.inf,
+) -> RobotCalibration:
+    """Fit the parameters `names` (kinds, see `twin.mjcf.parameters`) of the robot's drives to `logs`, in free run.
+
+    The estimate is the maximum of the posterior. Its covariance is H^-1 (S + P) H^-1 with H = J'J + P, the precision P
+    of the priors, and the long-run covariance S of the scores J'e, so that residuals may be coloured. After `seconds`
+    the search ends with the best so far. Raises InputError for unknown kinds, for no log, and for a model that cannot
+    be simulated from the logs.
+    """
+    say = progress or (lambda text: None)
+    if not logs:
+        raise InputError("there is no log to calibrate from; give at least one")
+    rig = Rig(robot, parameters(robot, names), threads)
+    sigma = np.median([log.noise for log in logs], axis=0)
+    limits = replace(SEARCH, max_seconds=seconds, deadline=Options(max_seconds=seconds).begun().deadline)
+    draw, place, simulations = np.random.default_rng(seed), None, 0
+    with one_blas_thread():
+        for k in range(ROUNDS):
+            task = Fit(rig, logs, sigma, place)
+            say(f"search {k + 1} of at most {ROUNDS} over {len(rig.parameters)} parameters")
+            if task.residual(task.start) is None:
+                raise InputError(
+                    f"{robot.path}: over these logs the model cannot be simulated (its motion grows without limit); "
+                    "check its time step, and the units of the commands"
+                )
+            optimum = find_optimum(
+                task,
+                draw,
+                draws=0 if k else 24,
+                progress=lambda i, loss, k=k: say(f"search {k + 1}, iteration {i}"),  # type: ignore[misc]
+                options=limits,
+            )
+            simulations += task.simulations
+            residual = np.maximum(_noise(task, optimum.p), sigma / 3.0)
+            if np.allclose(residual, sigma, rtol=0.1) or optimum.late or k == ROUNDS - 1:
+                break
+            place, sigma = optimum.p, residual
+        say("intervals and free runs")
+        cov = _covariance(task, optimum.p)
+        values = _values(task, optimum.p, cov)
+        slopes = task.slopes(optimum.p)[: len(values)]
+        runs = _runs(rig, np.array([value.value for value in values]), logs, held_out)
+    P = len(values)
+    cov = cov[:P, :P] * np.outer(slopes, slopes)
+    return RobotCalibration(
+        robot, rig, values, cov, runs, optimum, _noise(task, optimum.p), simulations + task.simulations
+    )
+
+
+def _noise(task: Fit, p: np.ndarray) -> np.ndarray:
+    """RMS residual (drives,) [rad or m] over all logs."""
+    squares = [
+        ((r.y - y) ** 2).reshape(len(task.sigma), -1) for r, y in zip(task.records, task.responses_at(p), strict=True)
+    ]
+    return task.sigma * np.sqrt(np.nanmean(np.concatenate(squares, axis=1), axis=1))
+
+
+def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
+    """Covariance (n, n) of the maximum of the posterior, in coordinates of the search."""
+    task.central = True
+    e, J = task.linearise(p)
+    n = J.shape[1]
+    e, J, prior = e[:-n], J[:-n], np.diag(task.deviations**-2.0)
+    lengths = [
+        int(count) for r in task.records for count in np.isfinite(r.y.reshape(len(task.sigma), -1)).sum(axis=1) if count
+    ]
+    Q, R = np.linalg.qr(J)
+    root = R.T @ long_run_covariance_root(e, Q, lengths, "auto")[0]
+    inverse = np.linalg.inv(J.T @ J + prior)
+    return np.asarray(inverse @ (root @ root.T + prior) @ inverse)
+
+
+def _values(task: Fit, p: np.ndarray, cov: np.ndarray) -> tuple[Value, ...]:
+    """Values with intervals that are symmetric in the coordinates of the search, and so stay within the bounds."""
+    wide, out = float(norm.ppf(0.5 + LEVEL / 2)), []
+    for j, parameter in enumerate(task.rig.parameters):
+        f, spread = parameter.free, float(np.sqrt(cov[j, j]))
+        low, value, high = (float(f.outer(z)) for z in (p[j] - wide * spread, p[j], p[j] + wide * spread))
+        learned = float(np.log2(parameter.deviation / spread))
+        out.append(
+            Value(f.name, f.unit, parameter.before, value, low, high, spread * f.slope(value), learned, learned >= 1.0)
+        )
+    return tuple(out)
+
+
+def _runs(rig: Rig, values: np.ndarray, logs: Sequence[RobotLog], held_out: Sequence[RobotLog]) -> tuple[Run, ...]:
+    """Free runs of the model as it was and as it is calibrated, from the first readings of each log."""
+    model, out = np.array([parameter.before for parameter in rig.parameters]), []
+    for k, log in enumerate((*logs, *held_out)):
+        before, after = (free_run(rig, point, log.u, log.Ts, log.first) for point in (model, values))
+        for j, drive in enumerate(rig.robot.drives):
+            columns = (each[:, j] for each in (log.u, log.y, before, after))
+            out.append(Run(log.name, drive.name, drive.unit, k >= len(logs), log.Ts, *columns))
+    return tuple(out)

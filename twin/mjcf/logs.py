@@ -1,0 +1,81 @@
+"""Logs of a robot: columns of commands and of positions, in the order of its actuators, in SI."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.reading import Mapping
+from sysid.workflow.record import read_record
+from twin.calibrate.problem import noise_of
+from twin.mjcf.robot import Drive, Robot
+
+FIRST = 3  # samples whose median is the first angle
+WIDEST = 60.0  # [rad]: a hinge that seems to move so far is logged in degrees
+REMEDY = 'name it in the header, as in "angle [deg]", or as unit in a mapping (qpal info FILE --write-map MAP.toml)'
+
+
+@dataclass(frozen=True)
+class RobotLog:
+    """Commands u (N, drives), each held for Ts [s], and readings y (N, drives) [rad or m], NaN where one is lost."""
+
+    name: str
+    u: np.ndarray
+    y: np.ndarray
+    Ts: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def first(self) -> np.ndarray:
+        """The readings (drives,) in which the log begins, at rest."""
+        return np.nanmedian(self.y[:FIRST], axis=0)
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation (drives,) of white noise on the readings."""
+        return np.array([noise_of(column) for column in self.y.T])
+
+
+def read(
+    path: str, robot: Robot, input: str | None = None, output: str | None = None, mapping: Mapping | None = None
+) -> RobotLog:
+    """The log at `path`; `input` and `output` name its columns, "a,b", in the order of the robot's drives.
+
+    Without them, a log of one drive is read by guess, as everywhere. Raises InputError for a file that cannot be read,
+    for columns that it lacks, for another number of columns than drives, and for units that are not those of a drive.
+    """
+    several = len(robot.drives) > 1
+    names = ", ".join(drive.name for drive in robot.drives)
+    if several and mapping is None and not (input and output):
+        raise InputError(
+            f"{path}: which columns are the commands and positions of {names}? give them in this order with --input "
+            "a,b --output a,b, or in a mapping with --map"
+        )
+    record = read_record(path, input, output, mapping=mapping, missing="outputs")
+    for role, signals in (("input", record.signals.input), ("output", record.signals.output)):
+        if len(signals) != len(robot.drives):
+            raise InputError(
+                f"{path}: {len(signals)} {role} column(s) for {len(robot.drives)} actuator(s) ({names}); give one each"
+            )
+    for drive, command, position in zip(robot.drives, record.signals.input, record.signals.output, strict=True):
+        _check_unit(path, drive, "output", position.column, position.unit, drive.unit)
+        if drive.servo:
+            _check_unit(path, drive, "input", command.column, command.unit, drive.unit)
+    data = record.data
+    y = np.where(data.observed, data.y, np.nan)
+    for drive, column in zip(robot.drives, y.T, strict=True):
+        if drive.unit == "rad" and np.nanmax(np.abs(column)) > WIDEST:
+            raise InputError(
+                f"{path}: the position of {drive.name} reaches {np.nanmax(np.abs(column)):.4g} rad; where its unit is "
+                f"another one, {REMEDY}"
+            )
+    return RobotLog(Path(path).name, data.u, y, data.Ts, record.notes)
+
+
+def _check_unit(path: str, drive: Drive, role: str, column: str, unit: str, allowed: str) -> None:
+    """No unit stands for SI."""
+    if unit not in ("", allowed):
+        raise InputError(
+            f"{path}: the {role} {column!r} is in {unit}, and actuator {drive.name!r} needs {allowed}; {REMEDY}"
+        )

@@ -1,0 +1,102 @@
+"""Least squares over logs of a robot, under the priors of its parameters, each log relative to its noise."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin.calibrate.problem import Free, Record, Simulations
+from twin.mjcf.logs import RobotLog
+from twin.mjcf.simulation import Rig
+
+NEAR = 3.0  # standard deviations of the noise, within which the first reading is known
+
+
+class Fit(Simulations):
+    """The penalised least squares: residuals in standard deviations `sigma` (drives,), then one row a prior.
+
+    Trees of bodies that nothing connects do not move each other, so one simulation steps a parameter in each of them at
+    once (Curtis, Powell and Reid 1974, J. Inst. Maths Applics 13).
+    """
+
+    def __init__(self, rig: Rig, logs: Sequence[RobotLog], sigma: np.ndarray, start: np.ndarray | None = None) -> None:
+        self.rig, self.logs, self.sigma = rig, logs, sigma
+        super().__init__(
+            [parameter.free for parameter in rig.parameters], [_record(rig, log, sigma) for log in logs], noise=1.0
+        )
+        firsts = len(self.free) - len(self.shared)
+        self.deviations = np.array([*(p.deviation for p in rig.parameters), *[1.0] * firsts])
+        self.centre, self._first = super().start, start
+        self._trees = self._columns_by_tree()
+
+    @property
+    def start(self) -> np.ndarray:
+        """Coordinates of the start (n,)."""
+        return self.centre.copy() if self._first is None else self._first.copy()
+
+    @property
+    def size(self) -> float:
+        """y'y with the rows of the priors; never 0."""
+        return super().size + float(np.sum((self.centre / self.deviations) ** 2))
+
+    def residual(self, p: np.ndarray) -> np.ndarray | None:
+        """y - yhat of the scored samples (N,), then what is missing to the centre of each prior (n,)."""
+        e = super().residual(p)
+        return None if e is None else np.append(e, (self.centre - p) / self.deviations)
+
+    def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The residual (N + n,), and dyhat/dp with the rows of the priors (N + n, n)."""
+        e, J = super().linearise(p)
+        return e, np.vstack([J, np.diag(1.0 / self.deviations)])
+
+    def losses(self, points: np.ndarray) -> np.ndarray:
+        """Sum of squares (m,), the priors among them."""
+        return super().losses(points) + np.sum(((points - self.centre) / self.deviations) ** 2, axis=1)
+
+    def _columns_by_tree(self) -> np.ndarray:
+        """The tree (n,) that each parameter moves; -1 for all of them."""
+        model, drives = self.rig.robot.model, self.rig.robot.drives
+        if model.neq or model.ntendon:
+            return np.full(len(self.free), -1)
+        places = [parameter.drive for parameter in self.rig.parameters] + [*range(len(drives))] * len(self.logs)
+        return np.array([-1 if place is None else drives[place].tree for place in places])
+
+    def _changes(self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray) -> np.ndarray:
+        """Changes (N, columns) of the scored responses, with one simulation for columns of different trees."""
+        trees = np.array([drive.tree for drive in self.rig.robot.drives])
+        out = []
+        for k, record in enumerate(self.records):
+            acts = [i for i, j in enumerate(columns) if j < len(self.shared) or j in self.own[k]]
+            change = np.zeros((len(record.y), len(columns)))
+            seen: dict[int, int] = {}
+            runs = np.zeros(len(columns), dtype=int)  # the simulation of each column
+            for i in acts:
+                tree = int(self._trees[columns[i]])
+                runs[i] = seen.get(tree, 0)
+                seen[tree] = int(runs[i]) + 1
+            alone = seen.pop(-1, 0)
+            points = np.repeat(p[None], alone + max(seen.values(), default=0), axis=0)
+            for i in acts:
+                runs[i] += alone if self._trees[columns[i]] >= 0 else 0
+                points[runs[i], columns[i]] += steps[i]
+            difference = self._respond(k, points) - base[k] if acts else np.zeros((0, len(record.y)))
+            for i in acts:
+                tree = self._trees[columns[i]]
+                moved = np.repeat((trees == tree) | (tree < 0), len(record.y) // len(trees))
+                change[moved, i] = difference[runs[i], moved]
+            out.append(change[record.scored])
+        return np.concatenate(out)
+
+
+def _record(rig: Rig, log: RobotLog, sigma: np.ndarray) -> Record:
+    """The log as one series, drive after drive, in standard deviations; its own parameters are the first readings."""
+    drives, P = rig.robot.drives, len(rig.parameters)
+    own = tuple(
+        Free(f"first reading of {drive.name}", float(first), -np.inf, np.inf, drive.unit, NEAR * float(s))
+        for drive, first, s in zip(drives, log.first, np.maximum(log.noise, 1e-6), strict=True)
+    )
+
+    def respond(values: np.ndarray) -> np.ndarray:
+        y = rig.run(values[:, :P], log.u, log.Ts, values[:, P:]) / sigma
+        return y.transpose(0, 2, 1).reshape(len(values), -1)
+
+    return Record(log.name, (log.y / sigma).T.ravel(), log.Ts, respond, own)

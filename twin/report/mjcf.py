@@ -1,0 +1,144 @@
+"""The report of `qpal calibrate --model`: logs and model before and after, values, and what they leave open."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.base import style
+from sysid.base.files import versions
+from sysid.base.quantities import display_quantity, number
+from sysid.drawing.figure import Axis, Figure, Line, Panel
+from sysid.plots.free_runs import over_panel
+from sysid.report.page import Grid, Page, Picture, Section
+from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
+
+USED, HELD = "used", "held out"
+_SEE = (
+    "{}: log, and the model before and after calibration in free run, over each other; below, what is left. A good "
+    "calibration lies on the log{}."
+)
+_WRITTEN = (
+    "{} is the calibrated MJCF, changes.diff what changed in it, ranges.toml means, deviations and covariance for "
+    "randomisation."
+)
+_WITHHELD = "No calibrated MJCF is written; ranges.toml holds what was found."
+
+
+def page(result: RobotCalibration) -> Page:
+    """The report on one calibration."""
+    pictures = [
+        Picture.of(f"joint-{k}", figure(runs), _SEE.format(runs[0].drive, _beside(runs)))
+        for k, runs in enumerate(_by_drive(result), 1)
+    ]
+    first, *rest = sentences(result)
+    return Page(
+        title=f"Calibration of {result.robot.path.name}",
+        subtitle=f"{len(result.values)} parameters of {len(result.robot.drives)} joint(s)",
+        verdict=[first],
+        sections=[
+            Section("What was found", rest, tables=[values(result)]),
+            Section("Model and logs", tables=[scores(result)], pictures=pictures),
+        ],
+        made_with=versions(),
+    )
+
+
+def _beside(runs: Sequence[Run]) -> str:
+    return ", on the held-out log beside it too" if any(run.held_out for run in runs) else ""
+
+
+def _by_drive(result: RobotCalibration) -> list[list[Run]]:
+    """For each drive its first used run, and its first held-out one."""
+    out = []
+    for drive in result.robot.drives:
+        runs = [run for run in result.runs if run.drive == drive.name]
+        firsts = (next((run for run in runs if run.held_out is held), None) for held in (False, True))
+        out.append([run for run in firsts if run is not None])
+    return out
+
+
+def figure(runs: Sequence[Run]) -> Figure:
+    """The runs side by side: readings above, errors below."""
+    above, below = [], []
+    for run in runs:
+        quantity = display_quantity("position", run.unit)
+        t, models = np.arange(len(run.y)) * run.Ts, {"before": run.before, "after": run.after}
+        colours = (style.SECOND, style.MODEL)
+        title = f"{run.log}, {HELD if run.held_out else USED}"
+        above.append(over_panel(t, run.y, models, quantity, title, (), colours, "log"))
+        errors = [
+            Line(t, quantity.factor * (run.y - each), name, colour, 1.0, key=False)
+            for (name, each), colour in zip(models.items(), colours, strict=True)
+        ]
+        below.append(Panel(errors, Axis(f"log less model [{quantity.unit}]"), Axis.time()))
+    return Figure([*above, *below], columns=len(runs), shared=False, height=2.4)
+
+
+def sentences(result: RobotCalibration) -> list[str]:
+    """The result in a few sentences, the verdict first."""
+    stop, texts = result.optimum.stop, [_verdict(result)]
+    open_values = [value.name for value in result.values if not value.determined]
+    if open_values:
+        texts.append(
+            f"Not determined: {', '.join(open_values)}. The logs tell less than one bit about each: its range is that "
+            "of the prior; record faster and larger motions, or free fewer with --free."
+        )
+    if not stop.converged:
+        texts.append(f"The search did not converge: {stop.reason}.")
+    texts += result.robot.notes
+    texts.append(_WRITTEN.format(result.robot.path.name) if result.usable else _WITHHELD)
+    return texts
+
+
+def _verdict(result: RobotCalibration) -> str:
+    count = f"{len(result.determined)} of {len(result.values)} values are determined"
+    if result.worse:
+        run = max(result.worse, key=lambda run: run.rms("after") / run.rms("before"))
+        return f"Do not use the calibrated model: {_fall(run)} on {run.log}, which was held out ({run.drive}); {count}."
+    if not result.determined:
+        return "These logs determine none of the values, so the model stays as it is."
+    unseen = [run for run in result.runs if run.held_out]
+    run = max(unseen or result.runs, key=lambda run: run.rms("after"))
+    kind = "which was held out" if unseen else "which was used; give another kind of log with --hold-out to judge it"
+    worst = "" if len(result.robot.drives) == 1 else " at the worst joint"
+    return f"{count}, and{worst} {_fall(run)} on {run.log} ({run.drive}), {kind}."
+
+
+def _fall(run: Run) -> str:
+    q = display_quantity("", run.unit)
+    before, after = (number(q.factor * run.rms(name), 3) for name in ("before", "after"))
+    return f"the error of the free run goes from {before} to {after} {q.unit}"
+
+
+def tables(result: RobotCalibration) -> list[Grid]:
+    """What the console shows."""
+    return [values(result), scores(result)]
+
+
+def values(result: RobotCalibration) -> Grid:
+    """Values before and after."""
+    heading = f"{100 * LEVEL:g} % interval"
+    rows = [_row(value) for value in result.values]
+    return Grid(
+        ("parameter", "unit", "before", "calibrated", heading, "bits", ""), rows, text_columns=2, last_text=True
+    )
+
+
+def _row(value: Value) -> tuple[str, ...]:
+    angle = value.unit == "rad"
+    q = display_quantity(value.name, value.unit if angle else "1")  # gains and friction stay per rad, as in MJCF
+    before, now, low, high = (number(q.factor * x, 4) for x in (value.before, value.value, value.low, value.high))
+    unit = q.unit if angle else value.unit
+    state = "" if value.determined else "not determined"
+    return value.name, unit, before, now, f"{low} to {high}", number(value.learned, 2), state
+
+
+def scores(result: RobotCalibration) -> Grid:
+    """Free runs over every log."""
+    rows = []
+    for run in result.runs:
+        q = display_quantity("", run.unit)
+        errors = (f"{number(q.factor * run.rms(name), 3)} {q.unit}" for name in ("before", "after"))
+        fits = (f"{run.fit(name):.2f} %" for name in ("before", "after"))
+        rows.append((run.log, run.drive, HELD if run.held_out else USED, *errors, *fits))
+    return Grid(("log", "actuator", "", "RMS before", "RMS after", "fit before", "fit after"), rows, text_columns=3)
