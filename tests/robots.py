@@ -66,12 +66,14 @@ def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec):
     servo = np.array([model.actuator_biasprm[k, 1] != 0.0 for k in ids])
     data.qpos[places] = np.where(servo, u[0], 0.0) - bias
     every, y = round(Ts / h), np.zeros(u.shape)
-    fine = (np.arange(40) + 0.5) / 40.0  # parts of a step: the delay is no whole number of steps
     for step in range(len(u) * every):
         if step % every == 0:
             y[step // every] = data.qpos[places] + bias
-        k = np.floor((step * h + fine * h - truth["delay"]) / Ts).astype(int)
-        data.ctrl[ids] = u[np.clip(k, 0, len(u) - 1)].mean(axis=0) - servo * bias
+        start = (step * h - truth["delay"]) / Ts  # [samples]: within a step the late command changes once at most
+        k = int(np.floor(start))
+        share = min((k + 1 - start) * Ts / h, 1.0)
+        old, new = (u[min(max(each, 0), len(u) - 1)] for each in (k, k + 1))
+        data.ctrl[ids] = share * old + (1.0 - share) * new - servo * bias
         mujoco.mj_step(model, data)
     return y + noise * rng.standard_normal(y.shape)
 

@@ -82,7 +82,8 @@ def test_the_jacobian_is_that_of_single_differences(calibrated):
     spec.attach(mujoco.MjSpec.from_string(PENDULUM), prefix="b_", site=spec.body("other").add_site())
     names = (HIP, KNEE, f"b_{HIP}", f"b_{KNEE}")
     model = spec.compile()
-    pair = robot.Robot(result.robot.path, spec, model, tuple(robot._drive(result.robot.path, model, n) for n in names))
+    path = result.robot.path
+    pair = robot.Robot(path, spec, model, robot.drives_of(path, model, names), (), spec)
     assert len({drive.tree for drive in pair.drives}) == 2
     both = logs.RobotLog("both", *(np.tile(each[:200], 2) for each in (log.u, log.y)), TS)
     task = problem.Fit(simulation.Rig(pair, parameters(pair)), [both], np.full(4, 1e-3))

@@ -11,17 +11,17 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.estimation.noise_model import long_run_covariance_root
 from sysid.solver.iterate import Options
-from twin.calibrate.search import USUAL as SEARCH
-from twin.calibrate.search import Optimum, find_optimum
+from twin.calibrate.search import USUAL as USUAL_SEARCH
+from twin.calibrate.search import Optimum
 from twin.mjcf.logs import RobotLog
 from twin.mjcf.parameters import USUAL, parameters
 from twin.mjcf.problem import Fit
 from twin.mjcf.robot import Robot
+from twin.mjcf.search import find_posterior
 from twin.mjcf.simulation import Rig, free_run
 
 LEVEL = 0.95
 BIT = 0.5  # of the prior's deviation: a wider posterior has learned less than one bit, and the value is not determined
-ROUNDS = 3  # searches, each with the noise that the last one left
 
 
 @dataclass(frozen=True)
@@ -153,30 +153,9 @@ def calibrate(
     if not logs:
         raise InputError("there is no log to calibrate from; give at least one")
     rig = Rig(robot, parameters(robot, names), threads)
-    sigma = np.median([log.noise for log in logs], axis=0)
-    limits = replace(SEARCH, max_seconds=seconds, deadline=Options(max_seconds=seconds).begun().deadline)
-    draw, place, simulations = np.random.default_rng(seed), None, 0
+    limits = replace(USUAL_SEARCH, max_seconds=seconds, deadline=Options(max_seconds=seconds).begun().deadline)
     with one_blas_thread():
-        for k in range(ROUNDS):
-            task = Fit(rig, logs, sigma, place)
-            say(f"search {k + 1} of at most {ROUNDS} over {len(rig.parameters)} parameters")
-            if task.residual(task.start) is None:
-                raise InputError(
-                    f"{robot.path}: over these logs the model cannot be simulated (its motion grows without limit); "
-                    "check its time step, and the units of the commands"
-                )
-            optimum = find_optimum(
-                task,
-                draw,
-                draws=0 if k else 24,
-                progress=lambda i, loss, k=k: say(f"search {k + 1}, iteration {i}"),  # type: ignore[misc]
-                options=limits,
-            )
-            simulations += task.simulations
-            residual = np.maximum(_noise(task, optimum.p), sigma / 3.0)
-            if np.allclose(residual, sigma, rtol=0.1) or optimum.late or k == ROUNDS - 1:
-                break
-            place, sigma = optimum.p, residual
+        task, optimum, simulations = find_posterior(rig, logs, np.random.default_rng(seed), limits, say)
         say("intervals and free runs")
         cov = _covariance(task, optimum.p)
         values = _values(task, optimum.p, cov)
@@ -185,16 +164,8 @@ def calibrate(
     P = len(values)
     cov = cov[:P, :P] * np.outer(slopes, slopes)
     return RobotCalibration(
-        robot, rig, values, cov, runs, optimum, _noise(task, optimum.p), simulations + task.simulations
+        robot, rig, values, cov, runs, optimum, task.residual_sizes(optimum.p), simulations + task.simulations
     )
-
-
-def _noise(task: Fit, p: np.ndarray) -> np.ndarray:
-    """RMS residual (drives,) [rad or m] over all logs."""
-    squares = [
-        ((r.y - y) ** 2).reshape(len(task.sigma), -1) for r, y in zip(task.records, task.responses_at(p), strict=True)
-    ]
-    return task.sigma * np.sqrt(np.nanmean(np.concatenate(squares, axis=1), axis=1))
 
 
 def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:

@@ -52,10 +52,16 @@ class Fit(Simulations):
         """Sum of squares (m,), the priors among them."""
         return super().losses(points) + np.sum(((points - self.centre) / self.deviations) ** 2, axis=1)
 
+    def residual_sizes(self, p: np.ndarray) -> np.ndarray:
+        """RMS residual (drives,) [rad or m] at p (n,), over all logs."""
+        pairs = zip(self.records, self.responses_at(p), strict=True)
+        squares = [((record.y - y) ** 2).reshape(len(self.sigma), -1) for record, y in pairs]
+        return np.asarray(self.sigma * np.sqrt(np.nanmean(np.concatenate(squares, axis=1), axis=1)))
+
     def _columns_by_tree(self) -> np.ndarray:
         """The tree (n,) that each parameter moves; -1 for all of them."""
-        model, drives = self.rig.robot.model, self.rig.robot.drives
-        if model.neq or model.ntendon:
+        drives = self.rig.robot.drives
+        if self.rig.robot.coupled:
             return np.full(len(self.free), -1)
         places = [parameter.drive for parameter in self.rig.parameters] + [*range(len(drives))] * len(self.logs)
         return np.array([-1 if place is None else drives[place].tree for place in places])

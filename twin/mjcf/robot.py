@@ -38,13 +38,19 @@ class Drive:
 
 @dataclass(frozen=True)
 class Robot:
-    """A model that MuJoCo has compiled, its spec as the file has it, and the drives to calibrate."""
+    """A model that MuJoCo has compiled from its `stand`, the drives to calibrate, and the `spec` as the file has it."""
 
     path: Path
     spec: mujoco.MjSpec
     model: mujoco.MjModel
     drives: tuple[Drive, ...]
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...]
+    stand: mujoco.MjSpec
+
+    @property
+    def coupled(self) -> bool:
+        """Whether tendons or equality constraints may connect trees of bodies."""
+        return bool(self.model.neq or self.model.ntendon)
 
 
 @checked(late=True)
@@ -67,18 +73,25 @@ def read(path: str | Path, names: Sequence[str]) -> Robot:
         raise InputError(f"{path}: MuJoCo does not load it ({first}); give the MJCF file of your robot") from None
     if not names:
         raise InputError(f"no actuator is named; give --actuator {','.join(_names(model)) or 'NAME'}, or some of these")
+    return Robot(path, spec, model, drives_of(path, model, names), notes, stand)
+
+
+def drives_of(path: Path, model: mujoco.MjModel, names: Sequence[str]) -> tuple[Drive, ...]:
+    """The drives of actuators `names` of the model from the file at `path`; raises InputError as `read` does."""
     drives = tuple(_drive(path, model, name) for name in names)
     for name in ("actuator", "joint"):
         chosen = [getattr(drive, "name" if name == "actuator" else "joint") for drive in drives]
         twice = next((each for each in chosen if chosen.count(each) > 1), None)
         if twice is not None:
             raise InputError(f"{path}: the {name} {twice!r} is named twice by --actuator; name one actuator a joint")
-    return Robot(path, spec, model, drives, notes)
+    return drives
 
 
 def _on_stand(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     """A copy whose free bodies are held in the air, and what was done; keyframes go, since they have other sizes."""
     stand = spec.copy()
+    for key in list(stand.keys):
+        stand.delete(key)
     joints = [joint for joint in stand.joints if joint.type == mujoco.mjtJoint.mjJNT_FREE]
     if not joints:
         return stand, ()
@@ -86,8 +99,6 @@ def _on_stand(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     for joint in joints:
         joint.parent.pos = joint.parent.pos + np.array([0.0, 0.0, LIFT])
         stand.delete(joint)
-    for key in list(stand.keys):
-        stand.delete(key)
     return stand, (f"The base (body {', '.join(names)}) is held in the air, as on a test stand.",)
 
 
