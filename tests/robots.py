@@ -24,6 +24,25 @@ PENDULUM = """
   </actuator>
 </mujoco>
 """
+CART = """
+<mujoco model="cart">
+  <option timestep="0.002"/>
+  <worldbody>
+    <body>
+      <joint name="slide" type="slide" axis="1 0 0" stiffness="30" damping="0.3"/>
+      <geom size=".1" mass="1"/>
+      <body>
+        <joint name="hinge" axis="0 1 0" stiffness="4" damping="0.3"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.4" size=".02" contype="0"/>
+      </body>
+    </body>
+  </worldbody>
+  <actuator>
+    <motor name="cart" joint="slide" gear="2" ctrlrange="-20 20"/>
+    <motor name="pole" joint="hinge" ctrlrange="-20 20"/>
+  </actuator>
+</mujoco>
+"""
 TRUTH = {
     "hip_servo.armature": 0.03,
     "knee_servo.armature": 0.012,

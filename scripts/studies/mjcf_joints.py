@@ -5,8 +5,8 @@
 
 The robot has 3 joints a leg, each with hidden armature, damping, frictionloss and bias, and one delay: 49 values for
 four legs. The model knows none of them. It sees 20 s of a chirp at the test stand; random levels are held out. Logs are
-made step by step with MuJoCo alone (tests/robots.py). --toolbox gives `mujoco.sysid` the same simulation in batches, the
-same start and the same bounds, in the units of its documentation; infinite bounds become 20 times the largest hidden value.
+made step by step with MuJoCo alone (tests/robots.py). --toolbox gives `mujoco.sysid` the same batches of simulations,
+start and bounds, in the units of its documentation; an infinite bound becomes 20 times the largest hidden value.
 """
 
 import sys

@@ -3,17 +3,19 @@
 import json
 import shutil
 import tomllib
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
-from robots import HIP, KNEE, PENDULUM, TRUTH, chirp, levels, record, write_table
+from robots import CART, HIP, KNEE, PENDULUM, TRUTH, chirp, levels, record, write_table
 
 from sysid.base.errors import InputError
 from twin.calibrate.problem import Simulations
 from twin.cli import main
 from twin.mjcf import calibration, logs, problem, robot, simulation, writing
 from twin.mjcf.parameters import parameters
+from twin.report import mjcf as report
 
 TS = 0.004
 COLUMNS = [
@@ -57,8 +59,8 @@ def test_hidden_values_are_found_from_none(calibrated):
 def test_the_written_robot_moves_as_the_calibrated_one(calibrated, folder, tmp_path):
     """In plain MuJoCo, whose own delay takes the commands later."""
     result, log = calibrated
-    assert writing.write(result, tmp_path) == ["ranges.toml", "robot.xml", "changes.diff"]
-    model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot.xml"))
+    assert writing.write(result, tmp_path) == ["ranges.toml", "robot-calibrated.xml", "changes.diff"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot-calibrated.xml"))
     data, bias = mujoco.MjData(model), np.array([model.numeric(f"{name}_bias").data[0] for name in (HIP, KNEE)])
     data.qpos[:] = log.first - bias
     for k in range(2):
@@ -72,6 +74,16 @@ def test_the_written_robot_moves_as_the_calibrated_one(calibrated, folder, tmp_p
     table = tomllib.loads((tmp_path / "ranges.toml").read_text())
     std = [row["std"] for row in table["parameter"]]
     np.testing.assert_allclose(np.sqrt(np.diag(table["joint"]["covariance"])), std, rtol=1e-6)
+
+
+def test_a_model_that_got_worse_is_not_offered(calibrated, tmp_path):
+    result, _ = calibrated
+    worse = [replace(run, before=run.after, after=run.before) if run.held_out else run for run in result.runs]
+    result = replace(result, runs=tuple(worse))
+    assert report.sentences(result)[0].startswith(
+        "Do not use the calibrated model: the error of the free run goes from"
+    )
+    assert writing.write(result, tmp_path) == ["ranges.toml"]
 
 
 def test_the_jacobian_is_that_of_single_differences(calibrated):
@@ -123,6 +135,29 @@ def test_gains_and_a_play_are_found(folder):
     assert abs(result["hip_servo.backlash"].value / 0.03 - 1.0) < 0.1
 
 
+def test_motors_in_other_units_with_lost_samples(folder):
+    """A cart on springs with a pole: a slide and a hinge under forces, one of them through a gear."""
+    rng, names = np.random.default_rng(5), ("cart", "pole")
+    truth = {"cart.armature": 0.3, "cart.damping": 2.0, "cart.frictionloss": 1.5, "pole.armature": 0.02}
+    truth |= {"pole.damping": 0.08, "pole.frictionloss": 0.05, "delay": 0.012, "cart.bias": 0.01, "pole.bias": 0.05}
+    u = levels(rng, 2, 1500, 50, 1.0) * np.array([8.0, 1.2])
+    y = record(CART, truth, names, u, TS, 5e-4, rng)
+    y[700:720, 1] = np.nan
+    (folder / "cart.xml").write_text(CART)
+    result = calibration.calibrate(robot.read(folder / "cart.xml", names), [logs.RobotLog("forces", u, y, TS)])
+    for name, value in truth.items():
+        assert abs(result[name].value / value - 1.0) < 0.02 or result[name].holds(value), name
+    assert (result["cart.damping"].unit, result["cart.bias"].unit) == ("N s/m", "m")
+
+
+def test_a_search_that_is_stopped_says_so(folder):
+    rig = robot.read(folder / "robot.xml", (HIP, KNEE))
+    log = logs.read(str(folder / "steps.csv"), rig, COLUMNS[1], COLUMNS[3])
+    result = calibration.calibrate(rig, [log], seconds=0.01)
+    assert not result.optimum.stop.converged
+    assert any("did not converge: limit of 0.01 s" in text for text in report.sentences(result))
+
+
 def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for name in ("robot.xml", "chirp.csv", "steps.csv"):
@@ -133,9 +168,9 @@ def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, 
     assert out.startswith("9 of 9 values are determined, and at the worst joint the error of the free run goes from")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert summary["usable"]
-    for file in ("out/robot.xml", "out/changes.diff", "out/ranges.toml"):
+    for file in ("out/robot-calibrated.xml", "out/changes.diff", "out/ranges.toml"):
         assert file in [path.replace("\\", "/") for path in summary["files"]]
-    mujoco.MjModel.from_xml_path("out/robot.xml")
+    mujoco.MjModel.from_xml_path("out/robot-calibrated.xml")
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ class RobotLog:
     @property
     def first(self) -> np.ndarray:
         """The readings (drives,) in which the log begins, at rest."""
-        return np.nanmedian(self.y[:FIRST], axis=0)
+        return np.array([np.median(column[np.isfinite(column)][:FIRST]) for column in self.y.T])
 
     @property
     def noise(self) -> np.ndarray:

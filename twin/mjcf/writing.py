@@ -79,12 +79,17 @@ def ranges(result: RobotCalibration) -> str:
     return "\n".join([*lines, first, f"covariance = [\n{rows},\n]"]) + "\n"
 
 
+def file_name(robot: Robot) -> str:
+    """Of the calibrated MJCF; another one than the robot's, which may stand in the same folder."""
+    return f"{robot.path.stem}-calibrated.xml"
+
+
 def write(result: RobotCalibration, folder: Path) -> list[str]:
     """Write ranges.toml, and the calibrated MJCF with its difference where the model may be used; the names written."""
     files = {"ranges.toml": ranges(result)}
     if result.usable:
         text = patched(result)
-        files |= {result.robot.path.name: text, "changes.diff": difference(result, text)}
+        files |= {file_name(result.robot): text, "changes.diff": difference(result, text)}
     for name, content in files.items():
         write_text(folder / name, content)
     return list(files)

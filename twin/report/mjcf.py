@@ -11,6 +11,7 @@ from sysid.drawing.figure import Axis, Figure, Line, Panel
 from sysid.plots.free_runs import over_panel
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
+from twin.mjcf.writing import file_name
 
 USED, HELD = "used", "held out"
 _SEE = (
@@ -86,7 +87,7 @@ def sentences(result: RobotCalibration) -> list[str]:
     if not stop.converged:
         texts.append(f"The search did not converge: {stop.reason}.")
     texts += result.robot.notes
-    texts.append(_WRITTEN.format(result.robot.path.name) if result.usable else _WITHHELD)
+    texts.append(_WRITTEN.format(file_name(result.robot)) if result.usable else _WITHHELD)
     return texts
 
 
@@ -98,7 +99,7 @@ def _verdict(result: RobotCalibration) -> str:
     if not result.determined:
         return "These logs determine none of the values, so the model stays as it is."
     unseen = [run for run in result.runs if run.held_out]
-    run = max(unseen or result.runs, key=lambda run: run.rms("after"))
+    run = min(unseen or result.runs, key=lambda run: run.fit("after"))
     kind = "which was held out" if unseen else "which was used; give another kind of log with --hold-out to judge it"
     worst = "" if len(result.robot.drives) == 1 else " at the worst joint"
     return f"{count}, and{worst} {_fall(run)} on {run.log} ({run.drive}), {kind}."
