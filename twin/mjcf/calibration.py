@@ -170,10 +170,10 @@ def calibrate(
 
 def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
     """Covariance (n, n) of the maximum of the posterior, in coordinates of the search."""
-    task.central = True
-    e, J = task.linearise(p)
-    n = J.shape[1]
-    e, J, prior = e[:-n], J[:-n], np.diag(task.deviations**-2.0)
+    J, prior = task.fine_jacobian(p), np.diag(task.deviations**-2.0)
+    residual = task.residual(p)
+    assert residual is not None  # the search has simulated this point
+    e = residual[: len(J)]
     lengths = [
         int(count) for r in task.records for count in np.isfinite(r.y.reshape(len(task.sigma), -1)).sum(axis=1) if count
     ]

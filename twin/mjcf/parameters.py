@@ -167,6 +167,8 @@ def parameters(robot: Robot, names: Sequence[str] = USUAL) -> tuple[Parameter, .
     for name in names:
         if name not in KINDS:
             raise unknown("parameter", name, KINDS)
+    if {"damping", "kv"} <= chosen:  # their sum alone acts, but for a force at its limit
+        raise InputError("damping and kv are both free, and only their sum acts on a joint; free one of the two")
     out = []
     for kind in (kind for kind in KINDS.values() if kind.name in chosen):
         for k, drive in enumerate(robot.drives):
