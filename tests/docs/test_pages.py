@@ -36,7 +36,7 @@ NOT_RUN = {
     ("benchmark.md", 0): "runs of a whole tag; tests/cli/test_bench.py and .ci/run run them",
     ("calibrate.md", 0): "minutes, and logs of a rig; tests/recovery/test_calibrate.py",
     ("calibrate.md", 1): "minutes, and logs of three days; tests/recovery/test_calibrate_runs.py",
-    ("calibrate.md", 1): "the reader's own robot; tests/recovery/test_mjcf.py",
+    ("calibrate.md", 2): "the reader's own robot; tests/recovery/test_mjcf.py",
     ("compare.md", 0): "a minute, and logs of a rig; tests/cli/test_compare.py",
     ("index.md", 0): "the commands of the tutorial",
     ("joint.md", 0): "an experiment of ten minutes is identified; tests/cli/test_design.py on a short one",

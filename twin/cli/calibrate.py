@@ -70,6 +70,7 @@ def calibrate(
         {
             "--joint": joint,
             "--fix": fix,
+            "--by-run": by_run,
             "--without": without,
             "--pot-side": pot_side,
             "--realisation": realisation,
