@@ -8,6 +8,8 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
+_FLICKER = 0.005  # of the range of the output
+
 
 @dataclass(frozen=True)
 class Outliers:
@@ -43,6 +45,24 @@ def hampel(y: np.ndarray, half_width: int = 5, threshold: float = 5.0, floor: fl
     median = np.median(windows, axis=1)
     spread = 1.4826 * np.median(np.abs(windows - median[:, None]), axis=1)
     return np.abs(y - median) > threshold * np.maximum(spread, _floor(y) if floor is None else floor)
+
+
+def returning(y: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Those of the found samples (N,) that lie further from both neighbours than these from each other.
+
+    The neighbours are the nearest samples that are not found. A sudden move does not come back. What is further away
+    by a small share of the range only, as the flicker of a converter at rest, hardly moves a fit.
+    """
+    least = _FLICKER * float(np.ptp(y[~mask])) if not mask.all() else 0.0
+    sound = np.flatnonzero(~mask)
+    isolated = np.zeros(len(y), dtype=bool)
+    for t in np.flatnonzero(mask):
+        k = int(np.searchsorted(sound, t))
+        previous_value, next_value = y[sound[max(k - 1, 0)]], y[sound[min(k, len(sound) - 1)]]
+        isolated[t] = min(abs(y[t] - previous_value), abs(y[t] - next_value)) > max(
+            2.0 * abs(next_value - previous_value), least
+        )
+    return isolated
 
 
 @checked

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from sysid.base.checks import checked
 from sysid.base.parallel import one_blas_thread
 from sysid.base.quantities import Quantity, display_quantity
-from sysid.data.outliers import hampel
+from sysid.data.outliers import hampel, returning
 from sysid.data.record import IOData, check_magnitudes
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
@@ -30,7 +30,6 @@ _END_STOPS = (  # what to do about a rest
     "sysid.fit_joint(data).fit",
     ("identify", "--structure", "actuated_joint"),
 )
-_FLICKER = 0.005  # of the range of the output
 _RESTING = 0.08  # of the samples, from which an output rests at an end
 _STILL = 0.05  # of the range of a speed, below which it is none
 _FOLLOWED = 0.1  # of the output's standard deviation: the free run's error at a rest that a linear model explains
@@ -206,7 +205,7 @@ def _odd(data: IOData, j: int, white: Whitened | None) -> np.ndarray:
         odd = np.zeros(data.N, dtype=bool)
         odd[white.times[size > max(6.0, float(-ndtri(LEVEL / 2 / len(e)))) * 1.4826 * np.median(size)]] = True
         mask &= odd
-    return _returning(y, mask)
+    return returning(y, mask)
 
 
 def _outliers(mask: np.ndarray, name: str, code: float | None, unit: str) -> Advice:
@@ -222,24 +221,6 @@ def _outliers(mask: np.ndarray, name: str, code: float | None, unit: str) -> Adv
         return Advice("outliers", sentence, n, todo, "warning", call=call)
     todo = "look at them, and mark them as missing or fit with a robust loss, sysid.Objective"
     return Advice("outliers", sentence, n, todo, "warning", call=call)
-
-
-def _returning(y: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Those of the found samples (N,) that lie further from both neighbours than these from each other.
-
-    The neighbours are the nearest samples that are not found. A sudden move does not come back. What is further away
-    by a small share of the range only, as the flicker of a converter at rest, hardly moves a fit.
-    """
-    least = _FLICKER * float(np.ptp(y[~mask])) if not mask.all() else 0.0
-    sound = np.flatnonzero(~mask)
-    isolated = np.zeros(len(y), dtype=bool)
-    for t in np.flatnonzero(mask):
-        k = int(np.searchsorted(sound, t))
-        previous_value, next_value = y[sound[max(k - 1, 0)]], y[sound[min(k, len(sound) - 1)]]
-        isolated[t] = min(abs(y[t] - previous_value), abs(y[t] - next_value)) > max(
-            2.0 * abs(next_value - previous_value), least
-        )
-    return isolated
 
 
 def _too_little(data: IOData, j: int) -> Advice:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -40,7 +41,11 @@ def residuals_figure(tests: ResidualTests) -> Figure:
     auto = _panel(tests.lags[1:], tests.autocorrelation[1:], tests.whiteness_bound, tests.level, tests.white, title)
     bound, passed = tests.independence_bound, tests.independent
     cross = _panel(tests.cross_lags, tests.cross_correlation, bound, tests.level, passed, cross_title)
-    return Figure([auto, cross], shared=False, height=4.6, lettered=True)
+    if passed and tests.independence_outside:  # the words judge all lags together, the area one of them
+        note = f"{tests.independence_outside} lags leave the bound of one lag: neighbours do so together, within chance"
+        cross = replace(cross, note=note)
+    constant = tests.autocorrelation.any() and not tests.cross_correlation.any()  # input
+    return Figure([auto] if constant else [auto, cross], shared=False, height=2.6 if constant else 4.6, lettered=True)
 
 
 def _panel(lags: np.ndarray, r: np.ndarray, bound: float, level: float, passed: bool, title: str) -> Panel:

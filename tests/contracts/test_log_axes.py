@@ -39,7 +39,7 @@ def cost():
 def spectra():
     f = np.geomspace(0.05, 40, 50)
     band = (1 / f, 0.5 / f, 2 / f)
-    one = SimpleNamespace(frequency=f, magnitude=band, phase=band, radius=0.1 / f, G=1 / f)
+    one = SimpleNamespace(frequency=f, magnitude=band, phase=band, known=f > 0)
     return draw(compare_figures.spectra_figure(SimpleNamespace(spectra=(one, one), kind="twin", label="twin")))
 
 

@@ -314,6 +314,15 @@ def test_red_bars_of_residuals_with_the_input_stand_where_the_words_say_that_the
     assert sum(len(line.get_xdata()) for line in bottom.lines if line.get_label() == "beyond chance") == red
 
 
+def test_lags_outside_beside_residuals_that_are_independent_are_explained():
+    rng = np.random.default_rng(22)
+    u, e = np.repeat(rng.standard_normal(20), 20), np.convolve(rng.standard_normal(400), np.ones(15), "same")
+    tests = sysid.residual_tests(e, u)
+    assert tests.independent
+    note = residuals_figure(tests).panels[1].note
+    assert note.startswith(f"{tests.independence_outside} lags leave the bound of one lag: neighbours do so together")
+
+
 def test_steady_state_and_gain_are_shown_in_degrees(case):
     band = intervals.steady_state(case[2])
     axes = plots.steady_state(band, u_unit="V", y_unit="rad")

@@ -43,7 +43,7 @@ def apart(axes):
 def spectra():
     f = np.geomspace(0.05, 40, 50)
     band = (1e-3 / f, 0.5e-3 / f, 2e-3 / f)
-    one = SimpleNamespace(frequency=f, magnitude=band, phase=band, radius=0.1e-3 / f, G=1e-3 / f)
+    one = SimpleNamespace(frequency=f, magnitude=band, phase=band, known=f > 0)
     return draw(
         compare_figures.spectra_figure(SimpleNamespace(spectra=(one, one), kind="log", label="a-second-log.parquet"))
     )

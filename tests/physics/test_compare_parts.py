@@ -10,9 +10,10 @@ from sysid.base.errors import InputError
 from sysid.joint.values import JointValue
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, compare_log, compare_model
-from twin.compare.departure import NAMES, by_regime, noise_of, regimes, repeat, spectrum
+from twin.compare.departure import NAMES, by_regime, has_power, noise_of, outliers, regimes, repeat, spectrum
 from twin.compare.intervals import Value, sandwich
 from twin.compare.joints import Pair
+from twin.compare.unseen import unseen
 from twin.log import Log
 from twin.report.compare import pair_row
 
@@ -58,6 +59,36 @@ def test_shares_of_an_error_made_by_hand():
     assert found["slow"].rms == 5.0
     assert found["fast"].of_error == 0.0
     assert (found["reversal"].rms, found["reversal"].share) == (0.0, 0.0)
+
+
+def test_a_reading_far_off_is_an_outlier_and_a_step_of_the_error_is_none():
+    e = 1e-3 * np.random.default_rng(0).standard_normal(400) + 0.05 * (np.arange(400) > 200)
+    assert outliers(e, 1e-3, TS) == ()
+    e[300] += 0.5
+    (found,) = outliers(e, 1e-3, TS)
+    assert (found.time, found.size) == (pytest.approx(300 * TS), pytest.approx(0.5, abs=5e-3))
+
+
+@pytest.mark.parametrize(
+    ("u", "power"),
+    [(np.full(800, 6.1), False), (np.linspace(-1.0, 1.0, 800), False), (np.sign(np.arange(800) - 9), True)],
+)
+def test_an_input_that_does_not_change_has_no_power(u, power):
+    assert has_power(np.asarray(u, dtype=float)) == power
+
+
+def test_what_a_log_leaves_out_is_said():
+    way, rng = np.linspace(0.1, 0.6, 200), np.random.default_rng(0)
+    once, both = 6.0 * np.ones(200), np.concatenate([way, way[::-1], way, way[::-1]])
+    assert unseen(once, way, TS, (-0.2, 0.6), 12.0) == (
+        "the lower end (17 deg away)",
+        "voltages other than 6.00 V",
+        "downward motion",
+    )
+    u = np.repeat([12.0, -12.0, 12.0, -12.0], 200)
+    assert unseen(u, both + 1e-3 * rng.standard_normal(800), TS, (0.1, 0.6), 12.0) == ()
+    left_out = unseen(0.5 * u[:400], both[:400], TS, (0.1, 0.6), 12.0)
+    assert left_out == ("voltages beyond 6.00 V of 12.0 V", "more than one reversal")
 
 
 @pytest.mark.parametrize("noise", [1e-3, 1e-2])

@@ -40,6 +40,13 @@ def test_joints_without_a_record_are_at_mid_stroke(lengths):
     np.testing.assert_allclose(found[3], [-aside, out, up], atol=1e-12)
 
 
+def test_a_leg_in_one_plane_is_not_drawn_from_above_as_a_line():
+    swing = 0.3 * np.sin(np.arange(50) * 0.2)
+    thigh, shoulder = (leg.draw({"log": leg.poses({joint: swing})}) for joint in ("thigh", "shoulder"))
+    assert [ax.get_title("left") for ax in thigh] == ["from the side"]
+    assert [ax.get_title("left") for ax in shoulder] == ["(a) from the side", "(b) from above"]
+
+
 def test_a_frame_stands_for_its_moment_and_the_slider_says_which():
     t = np.arange(500) * 0.02
     log, model = 0.3 * np.sin(t), 0.3 * np.sin(t) + 0.1

@@ -14,12 +14,26 @@ from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from twin.compare.alignment import Alignment, align, opposite_signs, parts, turn_back
-from twin.compare.departure import Regime, Repeat, Spectrum, by_regime, noise_of, regimes, repeat, spectrum
+from twin.compare.departure import (
+    Outlier,
+    Regime,
+    Repeat,
+    Spectrum,
+    by_regime,
+    has_power,
+    noise_of,
+    outliers,
+    regimes,
+    repeat,
+    spectrum,
+)
 from twin.compare.effects import START
 from twin.compare.joints import Pair, pairs
 from twin.compare.search import Search, Trials, refine
+from twin.compare.unseen import unseen
 from twin.compare.verdict import Verdict, explain
 from twin.follow import Follower
+from twin.hardware.linkage import end_angles
 from twin.log import Log, check_plausible
 from twin.parameters import JOINTS, Parameters
 
@@ -34,7 +48,8 @@ class Comparison:
 
     u (N,) [V], y (N,) [rad] and `other` (N,) [rad] with step Ts [s]; the first `unscored` samples give a model's
     initial state. error = y - other. `regimes` are those of y, and `at` has the samples of each. alignment, verdict:
-    of the twin; repeat: of a log; pairs: values of the actuated joint fitted to both, empty if none can be.
+    of the twin; repeat: of a log; pairs: values of the actuated joint fitted to both, empty if none can be. spectra:
+    None for an input without power. `unseen`: what the log does not show of the joint, in words.
     """
 
     kind: str
@@ -48,12 +63,13 @@ class Comparison:
     noise: float
     at: dict[str, np.ndarray]
     regimes: tuple[Regime, ...]
-    spectra: tuple[Spectrum, Spectrum]
+    spectra: tuple[Spectrum, Spectrum] | None
     tests: ResidualTests | None
     pairs: tuple[Pair, ...]
     alignment: Alignment | None = None
     verdict: Verdict | None = None
     repeat: Repeat | None = None
+    unseen: tuple[str, ...] = ()
 
     @property
     def t(self) -> np.ndarray:
@@ -64,6 +80,11 @@ class Comparison:
     def error(self) -> np.ndarray:
         """Log less other side (N,) [rad]."""
         return self.y - self.other
+
+    @property
+    def outliers(self) -> tuple[Outlier, ...]:
+        """Samples that lie far from their neighbours, on either side."""
+        return outliers(self.error, self.noise, self.Ts)
 
     @property
     def rms(self) -> float:
@@ -96,7 +117,9 @@ class Comparison:
                 "verdict": verdict,
                 "joint_values": [{**asdict(pair), "apart": pair.apart} for pair in self.pairs],
                 "repeat": None if self.repeat is None else asdict(self.repeat),
-                "frequency_response": [asdict(spectrum) for spectrum in self.spectra],
+                "frequency_response": [asdict(spectrum) for spectrum in self.spectra or ()],
+                "outliers": [asdict(outlier) for outlier in self.outliers],
+                "not_shown": self.unseen,
                 "residuals": None if self.tests is None else self.tests.as_dict(),
                 "versions": versions(),
             }
@@ -157,9 +180,9 @@ def compare(
         tell("the actuated joint on both")
         twin_log = Follower(_first(log, seconds), joint, **options).record(p, seed, start)
         joint_pairs = pairs(_first(log, seconds).io(), twin_log.io(), seed)
-    return _make_comparison(
-        TWIN, "the twin", joint, log, response, 0, joint_pairs, alignment=alignment, verdict=verdict
-    )
+    not_shown = unseen(log.u.ravel(), log.y.ravel(), log.Ts, end_angles(p, joint), p["supply_voltage"])
+    fields: dict[str, Any] = {"alignment": alignment, "verdict": verdict, "unseen": not_shown}
+    return _make_comparison(TWIN, "the twin", joint, log, response, 0, joint_pairs, **fields)
 
 
 @checked
@@ -232,7 +255,7 @@ def _make_comparison(
     scored_samples = {name: mask[first_scored:] for name, mask in samples.items()}
     error = (y - response)[first_scored:]
     tests = residual_tests(error, u[first_scored:], _LAGS) if len(error) > 2 * _LAGS else None
-    spectra = spectrum(u, y, log.Ts), spectrum(u, response, log.Ts)
+    spectra = (spectrum(u, y, log.Ts), spectrum(u, response, log.Ts)) if has_power(u) else None
     return Comparison(
         kind,
         label,

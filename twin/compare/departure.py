@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import csd, savgol_filter, welch
+from scipy.signal import csd, detrend, savgol_filter, welch
 from scipy.stats import f as fisher
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
+from sysid.data.outliers import hampel, returning
 from sysid.data.record import IOData
 from sysid.diagnosis import bla
 from sysid.diagnosis.signals import rests
@@ -117,6 +118,25 @@ def by_regime(error: np.ndarray, samples: Mapping[str, np.ndarray]) -> tuple[Reg
     )
 
 
+@dataclass(frozen=True)
+class Outlier:
+    """A sample at `time` [s] that lies `size` [unit of y] from the line between its neighbours."""
+
+    time: float
+    size: float
+
+
+def outliers(error: np.ndarray, noise: float, Ts: float) -> tuple[Outlier, ...]:
+    """Samples of error (N,) that leave their neighbours by far more than noise does, and come back at once.
+
+    No joint does this, and what the voltage makes of it is in both sides of the error.
+    """
+    mask = returning(error, hampel(error, floor=noise))
+    places, sound = np.flatnonzero(mask), np.flatnonzero(~mask)
+    sizes = error[places] - np.interp(places, sound, error[sound])
+    return tuple(Outlier(float(k * Ts), float(size)) for k, size in zip(places, sizes, strict=True))
+
+
 _SEGMENTS = 8  # of a record without a period, before they overlap
 _OVERLAP = 1 / 6  # correlation of Hann windows that overlap by half (Welch, IEEE Trans. Audio Electroacoust. 15, 1967)
 
@@ -131,6 +151,11 @@ class Spectrum:
     method: str
 
     @property
+    def known(self) -> np.ndarray:
+        """Where the response is surely not zero (F,)."""
+        return np.asarray(self.radius < np.abs(self.G))
+
+    @property
     def magnitude(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """|G| with its lower and upper limit (F,)."""
         size = np.abs(self.G)
@@ -143,6 +168,11 @@ class Spectrum:
         ratio = self.radius / np.maximum(np.abs(self.G), 1e-300)
         half = np.where(ratio < 1.0, np.arcsin(np.minimum(ratio, 1.0)), np.inf)
         return turn, turn - half, turn + half
+
+
+def has_power(u: np.ndarray) -> bool:
+    """Whether an input (N,) has power at some frequency: it is more than a line, which is removed, and rounding."""
+    return bool(np.std(detrend(u)) > 1e-9 * np.max(np.abs(u)))
 
 
 def spectrum(u: np.ndarray, y: np.ndarray, Ts: float) -> Spectrum:

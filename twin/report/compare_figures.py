@@ -15,12 +15,13 @@ from sysid.plots.free_runs import runs_figure
 from twin.compare.comparison import LOG, Comparison
 from twin.compare.departure import Spectrum
 from twin.compare.structures import CAUSES
-from twin.compare.verdict import Verdict
+from twin.compare.verdict import Share, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DEG = 180.0 / np.pi
+LEAST = 0.03  # of the departure: a shorter bar is hardly seen; a further effect must explain as much to be named
 
 
 def names(result: Comparison) -> tuple[str, str]:
@@ -53,24 +54,22 @@ def regimes_figure(result: Comparison) -> Figure:
     return Figure(panels, columns=2, shared=False, lettered=True)
 
 
+def telling(verdict: Verdict) -> list[Share]:
+    """The effects that explain at least `LEAST` of the departure when moved alone, and those of the verdict."""
+    names = {share.effect for share in verdict.named}
+    return [share for share in verdict.alone if share.share >= LEAST or share.effect in names]
+
+
 @styled
 def effects(verdict: Verdict) -> Axes:
-    """The share that each effect explains alone, best first; without a departure, the error that each one leaves."""
-    (axes,) = style.panels(None, height=0.9 + 0.3 * len(verdict.alone))
-    places = np.arange(len(verdict.alone))
-    axes.set_yticks(places, [CAUSES[share.effect].words for share in verdict.alone])
-    if verdict.chance:  # shares of what is not there would make bars of any length
-        errors = [DEG * share.rms for share in verdict.alone]
-        axes.barh(places, errors, 0.6, color="none", edgecolor=style.MODEL, linewidth=1.0, label="one cause moved")
-        axes.axvline(DEG * verdict.rms, color=style.INK, linewidth=0.9, linestyle="--", label="nothing moved")
-        axes.set(xlabel="RMS of the error that is left [deg]", title="moved alone")
-        axes.invert_yaxis()
-        style.legend(axes)
-        return axes
+    """The share that each effect explains alone, best first, of those that explain something."""
+    shares = telling(verdict)
+    (axes,) = style.panels(None, height=0.9 + 0.3 * len(shares))
+    axes.set_yticks(range(len(shares)), [CAUSES[share.effect].words for share in shares])
     named = "named by the verdict" if verdict.known else "nearest, not named"
     verdict_effects = {share.effect for share in verdict.named}
     kinds: set[str] = set()
-    for place, share in enumerate(verdict.alone):
+    for place, share in enumerate(shares):
         kind = named if share.effect in verdict_effects else "others"
         axes.barh(
             place,
@@ -90,6 +89,7 @@ def effects(verdict: Verdict) -> Axes:
 
 def spectra_figure(result: Comparison) -> Figure:
     """Magnitude and phase of both sides with their bands."""
+    assert result.spectra is not None
     top = min(_highest_known(spectrum) for spectrum in result.spectra)
     magnitudes, phases = list[Item](), list[Item]()
     for spectrum, colour, name in zip(result.spectra, (style.INK, style.MODEL), names(result), strict=True):
@@ -113,6 +113,6 @@ def _highest_known(spectrum: Spectrum) -> float:
 
     What may be zero below the first known one does not count; the last of all frequencies if none is known.
     """
-    known = spectrum.radius < np.abs(spectrum.G)
+    known = spectrum.known
     first = int(np.argmax(known))
     return float(spectrum.frequency[first + int(np.argmin(np.append(known[first:], False))) - 1])

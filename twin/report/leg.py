@@ -26,6 +26,7 @@ AXES = ("forward", "outward", "up")
 COLOURS = (style.INK, style.MODEL)
 # As near as all three names of axes stay inside the picture.
 CAMERA = {"eye": {"x": 2.7, "y": 2.05, "z": 0.8}, "center": {"x": 0.0, "y": 0.05, "z": -0.27}}
+FLAT = 0.01  # [m] across: less is a line
 CROWDED = 0.2  # [m] of an axis, below which five numbers would cover each other
 WIDTHS = (14, 6)  # of the links [px]: where two legs agree, both are seen
 Course = Mapping[str, np.ndarray]  # angle (N,) [rad] by joint
@@ -66,7 +67,8 @@ def picture(name: str, t: np.ndarray, sides: Mapping[str, Course], parameters: P
     caption = (
         f"The leg as {names} {'move' if len(sides) > 1 else 'moves'} it, at {len(samples)} moments of the record; "
         "joints without a record are at mid stroke. Positions in metres from the shoulder's axis; the thin line is the "
-        "way of the foot. Drag to turn it, move the slider for another moment."
+        "way of the foot. Drag to turn it, move the slider for another moment. A picture without a slider has the two "
+        "poses that lie farthest apart, one of them pale."
     )
     return Picture(name, style.png(draw(legs)), caption, figure(t[samples], legs, courses))
 
@@ -192,9 +194,16 @@ def _layout(points: np.ndarray, labels: list[str]) -> Plotly:
 
 @styled
 def draw(legs: Mapping[str, Poses]) -> list[Axes]:
-    """Side view and top view: the first leg's two poses that lie farthest apart, and the way of each foot."""
-    axes = style.panels(None, 1, 2, height=3.4)
-    for ax, (i, j), title in zip(axes, ((1, 2), (1, 0)), ("(a) from the side", "(b) from above"), strict=True):
+    """The two poses of each leg that lie farthest apart, and the way of its foot: from the side, and from above.
+
+    A view from above is left out where the leg stays in one plane and it would show a line.
+    """
+    forward = np.concatenate([leg_poses.links[..., 0].ravel() for leg_poses in legs.values()])
+    views = [("(a) from the side", (1, 2)), ("(b) from above", (1, 0))]
+    if np.ptp(forward) < FLAT:
+        views = [("from the side", (1, 2))]
+    axes = style.panels(None, 1, len(views), height=3.4)
+    for ax, (title, (i, j)) in zip(axes, views, strict=True):
         for n, (side, leg_poses) in enumerate(legs.items()):
             foot = leg_poses.links[:, 3]
             first = int(np.argmax(np.linalg.norm(foot - foot[0], axis=1)))
