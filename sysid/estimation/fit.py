@@ -193,6 +193,7 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
         search="",
         n_init=_n_init(model, data),
         u_span=(float(data.u.min()), float(data.u.max())),
+        y_span=(float(data.y[data.observed].min()), float(data.y[data.observed].max())),
         u_offset=data.u_offset.copy(),
         y_offset=data.y_offset.copy(),
         origin=Origin.of(data, share_explained(data, mse)),

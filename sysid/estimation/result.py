@@ -63,7 +63,8 @@ class Fit(FitMethods):
     seconds: float
     search: str
     n_init: int
-    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # range of the input in the estimation data
+    u_span: tuple[float, float] = field(default=(0.0, 0.0))  # ranges of input and output in the estimation data
+    y_span: tuple[float, float] = field(default=(0.0, 0.0))
     members: tuple[str, ...] = ()  # where each start of the portfolio came from
     agreed: int = 0  # independent starts of the portfolio that came to this optimum
     u_offset: np.ndarray | None = None  # [u] removed from the estimation data; None: not known

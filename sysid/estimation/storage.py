@@ -136,6 +136,7 @@ def _check(fit: Fit, names: list[str]) -> None:
     check_numbers(fit.theta, fit.covariance, fit.criteria)
     check_offsets(fit.u_offset, fit.y_offset, model.channels)
     check_span("u_span", fit.u_span)
+    check_span("y_span", fit.y_span)
     if fit.noise is not None and (len(fit.noise) != model.channels[1] or not np.all(np.isfinite(np.hstack(fit.noise)))):
         raise InputError(f"noise is not a row of finite numbers for each of {model.channels[1]} output(s); save again")
 

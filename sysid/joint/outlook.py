@@ -31,8 +31,9 @@ def unseen_ends(course: Course, data: IOData) -> list[str]:
             continue
         place = f"{number(farthest * unit.factor, 4)} {unit.unit}".rstrip()
         sentences.append(
-            f"the first record shows no {name} end stop, and the input keeps the joint away from {place}, where it was "
-            "farthest; if the joint has one there and may run into it, add --to-stops"
+            f"the first record shows no {name} end stop, so the input keeps the joint "
+            f"{'above' if way < 0 else 'below'} {place}, where it was farthest, and this experiment will not "
+            "show that stop either; if the joint may run into it, add --to-stops"
         )
     if not course.may_meet[-1]:  # else the experiment begins with a run to that end
         start = f"{number(float(y[0, 0]) * unit.factor, 4)} {unit.unit}".rstrip()

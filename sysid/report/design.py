@@ -7,8 +7,9 @@ import numpy as np
 from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity, number
-from sysid.drawing.figure import Axis, Figure, Line, Panel, Span
+from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, Rule, Span
 from sysid.joint.design import Design
+from sysid.joint.sampling import response_samples
 from sysid.joint.use import Use
 from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.records import Signal, stack_figure
@@ -48,7 +49,7 @@ def sentences(result: Proposal, file: str) -> list[str]:
     largest = f"{np.abs(d.u).max():.3g} {d.units[0]}".rstrip()
     return [
         f"Apply the input in {file} ({d.duration:.0f} s, up to {largest}) to the joint, and record input and output "
-        f"every {d.Ts:g} s. Then identify the new record: {result.command}.",
+        f"every {d.Ts:g} s, {_why_so_often(result)}. Then identify the new record: {result.command}.",
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
         f"end stop. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
         *([] if d.use is None else [_use_sentence(d)]),
@@ -57,30 +58,45 @@ def sentences(result: Proposal, file: str) -> list[str]:
     ]
 
 
+def _why_so_often(result: Proposal) -> str:
+    """The reason for the sampling time of the experiment."""
+    first, lasts = result.record.data.Ts, response_samples(result.fit.model, result.fit.theta) * result.fit.Ts
+    response = f"lag and delay of the joint together, {lasts:.2g} s,"
+    if result.design.use is not None:
+        return "as the first record, with which it is identified"
+    if result.design.Ts < first:
+        return f"in place of {first:g} s: {response} then last {lasts / result.design.Ts:.1f} samples"
+    return f"as the first record: {response} last {lasts / first:.1f} samples"
+
+
 def use_section(d: Design, y_name: str) -> Section:
     """The deviation of the free run over the input of use, now and with the experiment."""
     assert d.use is not None
     caption = (
-        "Expected deviation of the model's free run from the joint over the input of use: with the first record alone, "
-        "and with the experiment. Below, its mean after each part of the experiment: what a minute of the rig brings."
+        "(a) Expected deviation of the model's free run from the joint over the input of use, with the first record "
+        "alone and with the experiment. (b) Its mean after each part of the experiment. What to see: where the line is "
+        "level, more time of the rig brings little."
     )
     return Section("On your input", pictures=[Picture.of("use", use_figure(d.use, d.units[1], y_name), caption)])
 
 
 def use_figure(use: Use, unit: str, y_name: str) -> Figure:
     """Deviations over the input of use, and their mean over the time of the rig."""
-    quantity = display_quantity(f"deviation of {y_name}", unit)
+    quantity = display_quantity("deviation", unit)
     times = np.arange(len(use.u)) * use.Ts
     rig, means = np.array(use.steps).T
     sides = (("with the first record", use.now, style.SECOND), ("with the experiment", use.then, style.MODEL))
     over_time = [Line(times, quantity.factor * values, name, colour) for name, values, colour in sides]
-    steps = [Line(rig, quantity.factor * means, "mean over the input of use", dots=True)]
+    steps: list[Item] = [
+        Line(rig, quantity.factor * means, "mean after each part", dots=True),
+        Rule(0.0, upright=False),
+    ]
     y = Axis.of(quantity)
     panels = [
-        Panel(over_time, y, Axis.time("time in the input of use [s]")),
-        Panel(steps, y, Axis.time("time of the rig [s]")),
+        Panel(over_time, y, Axis.time("time in the input of use [s]"), f"expected deviation of {y_name}"),
+        Panel(steps, y, Axis.time("time of the rig [s]"), "its mean over the input of use"),
     ]
-    return Figure(panels, 1, shared=False, height=4.4)
+    return Figure(panels, 1, shared=False, height=5.6, lettered=True)
 
 
 def tables(result: Proposal) -> list[Grid]:

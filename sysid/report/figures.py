@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SectionTitle = Literal["Data", "Model output", "Model", "Residual tests"]
+FLAT = 10.0  # times the largest error: a band so wide makes the error a line
 VALIDATION_TIME = "time in the validation data [s]"
 
 
@@ -112,7 +113,14 @@ def joined_figure(e: Evaluation) -> Figure:
     if e.band is not None:
         lower, upper = (scaled(edge - e.band.y, signals(e)[1].factor) for edge in (e.band.lower, e.band.upper))
         band = Band(record.t[e.estimation.N :], lower, upper, f"{100 * e.band.level:g} % band of a new measurement")
-        panels[1] = replace(panels[1], items=[*panels[1].items, band])
+        close = panels[1]
+        panels[1] = replace(close, items=[*close.items, band])
+        errors = np.concatenate([line.y for line in close.lines()])
+        if close.y.near is None and np.nanmax(upper - lower) > FLAT * np.nanmax(np.abs(errors)):
+            largest = record.t[int(np.nanargmax(np.abs(errors)))]
+            title = f"error without the band, largest at {largest:.4g} s"
+            panels.insert(2, replace(close, title=title))
+            figure = replace(figure, height=figure.height + 1.3)
     if e.one_step is not None:
         one, words = e.one_step, "one step ahead, NOT a free run"
         prediction = _run_over_both(e, record, words, one.estimation_output, one.validation_output, one.validation_fit)
@@ -266,10 +274,11 @@ def _maps_caption(e: Evaluation) -> str:
 def _values_caption(e: Evaluation) -> str:
     """What the points are, and whether some are open."""
     some = any(v.low is None for v in distinct_values(e.values))
-    doubt = " An open point is a number of the model that the record does not determine." if some else ""
+    open_ = " Open and grey, with (?) at its name: a number of the model that the record does not determine; the value "
+    open_ += "may be anywhere along the row."
     return (
         "Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke, with the load. "
-        f"What to see: the shorter the bar, the better the record knows the value.{doubt}"
+        f"What to see: the shorter the bar, the better the record knows the value.{open_ if some else ''}"
     )
 
 

@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+from sysid.base import style
 from sysid.base.quantities import display_quantity, number
-from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges
+from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.joint.parts import PartEvidence
 from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.usual import Row, usual_figure
@@ -41,7 +42,7 @@ COLUMNS = 2  # more beside each other leave no room for the names
 
 
 def values_figure(values: Sequence[JointValue]) -> Figure:
-    """A panel for values of one unit and size; a bar is the 95 % interval, an open point is not determined."""
+    """A panel for values of one unit and size; a bar is the 95 % interval, an open grey point is not determined."""
     panels = [_values_panel(unit, group) for (unit, _), group in _groups(values).items()]
     rows = -(-len(panels) // COLUMNS)
     longest = max(len(panel.y.names) for panel in panels)
@@ -83,9 +84,16 @@ def _values_panel(unit: str, values: Sequence[JointValue]) -> Panel:
         )
         label = "value, 95 % interval" if has_interval else "not determined"
         points = Ranges(places, x, label=label, texts=[_meaning(values[k]) for k in places])
-        items.append(replace(points, low=low, high=high) if has_interval else points)
-    names = [SHORT.get(v.name, v.name.replace("_", " ")) for v in values]
-    return Panel(items, Axis(names=names), Axis(f"value [{unit or 1}]"))
+        if has_interval:
+            items.append(replace(points, low=low, high=high))
+        else:  # it may be anywhere along its row
+            items += [replace(points, colour=style.SECOND), *(Rule(k, upright=False, dash="dot") for k in places)]
+    names = [f"{SHORT.get(v.name, v.name.replace('_', ' '))}{'' if v.low is not None else ' (?)'}" for v in values]
+    limits = None
+    if all(v.low is None for v in values):  # near a number alone, the axis would make it look exact
+        reach = 2.0 * max(abs(f * v.value) for f, v in zip(factors, values, strict=True)) or 1.0
+        limits = (-reach if any(v.value < 0.0 for v in values) else 0.0), reach
+    return Panel(items, Axis(names=names), Axis(f"value [{unit or 1}]", limits=limits))
 
 
 def _meaning(v: JointValue) -> str:

@@ -1,5 +1,6 @@
 """Tables and sentences that several reports share, from final numbers."""
 
+import re
 from collections.abc import Sequence
 from typing import TypeVar
 
@@ -18,6 +19,7 @@ from sysid.workflow.results import Evaluation
 T = TypeVar("T")
 NOT_KNOWN = "not determined"
 FIXED = "fixed"
+_ACTION = re.compile(r"[:;] (?=(?:record|reverse|sample) )")  # what to record stands behind the reason
 
 
 def higher_in_words(evaluation: Evaluation) -> str:
@@ -61,16 +63,20 @@ def fixed_point(value: float, digits: int) -> str:
 
 
 def undetermined_in_words(evaluation: Evaluation) -> str:
-    """One sentence for each value that the record does not determine, with the reason and what to record."""
-    lines = []
+    """The values that the record does not determine, each reason once, and what to record, once for all."""
+    names, actions = dict[str, list[str]](), dict[str, None]()
     for v in evaluation.values:
-        name, reason = WORDS.get(v.name, v.name), v.why
+        name, reason = WORDS.get(v.name, v.name), v.why or "this record does not show it"
         if v.name.startswith("moving_friction"):
             name = WORDS[v.name.replace("moving_friction", "breakaway")]
-            reason = reason.removeprefix("break-away is not determined: ")
+            reason = reason.rpartition("break-away is not determined: ")[2]
         elif v.determined:
             continue
-        lines.append(f"{capital(name)}: {reason or 'this record does not show it'}.")
+        reason, *action = _ACTION.split(reason, maxsplit=1)
+        names.setdefault(reason, []).append(name)
+        actions |= dict.fromkeys(action)
+    lines = [f"{capital(' and '.join(these))}: {reason}." for reason, these in names.items()]
+    lines += [f"What to do: {'; '.join(actions)}."] if actions else []
     return " ".join(["Not determined.", *lines]) if lines else ""
 
 

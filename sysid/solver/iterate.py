@@ -248,7 +248,8 @@ def iterate(
         step = search.step(lin, attempt, memory, options)
         if step is None:
             reason = (
-                f"{search.name} found no descent although the expected improvement is {improvement:.2g} % of the loss"
+                f"no step lowers the loss, although {improvement:.2g} % less was expected: a kink of a map or a bound "
+                "is in the way"
             )
             converged = improvement <= SMALL  # a kink or a bound prevents a small expected improvement
             break

@@ -53,7 +53,15 @@ def record_of_inputs(fit: AnyFit, reading: Reading) -> Record | None:
         mapping, notes = guessed.mapping, guessed.why
         known = {mapping.clock.column, *(channel.column for channel in mapping.input)}
         others = (c for name, c in numeric_columns(table).items() if name not in known and not (c.constant or c.dated))
-        if reading.output is not None or mapping.output[0].column or any(others) or len(guessed.unclear) > 1:
+        if reading.output is not None or mapping.output[0].column or len(guessed.unclear) > 1:
+            return None
+        left = [name for name in numeric_columns(table) if name not in known]
+        if not mapping.input[0].column and len(left) == 1 and left[0].isdigit():  # columns without names
+            raise InputError(
+                f"{reading.path}: no header says whether column {left[0]} is the input; a run from rest needs the "
+                f"input alone: give --input {left[0]}"
+            )
+        if any(others):
             return None
         mapping = mapping.model_copy(update={"output": ()})
     if mapping.output or not all(channel.column for channel in mapping.input) or not mapping.input:
@@ -89,4 +97,4 @@ def run_inputs(saved: Saved, record: Record, reading: Reading, horizon: int | No
         rest = "all earlier signals at zero"
     rest += ", counted from the levels of its estimation data" if levelled is not data else ""
     sentence = f"the record has no output to compare with: the model runs from rest, {rest}"
-    return InputRun(saved, record, data, output, (sentence, *notes, *remarks(fit, data, output)))
+    return InputRun(saved, record, data, output, (sentence, *notes, *remarks(fit, data, output, from_rest=True)))

@@ -113,7 +113,7 @@ def on_record(
     counts = scored(data, n)
     y = fit.simulate(data).reshape(data.y.shape)
     percents = _percents(data, y, counts)
-    tests, sentences = None, [*notes, *remarks(fit, data)]
+    tests, sentences = None, [*notes, *remarks(fit, data, y)]
     try:
         tests = fit.residual_tests(data)
     except InputError as error:

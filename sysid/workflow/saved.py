@@ -8,16 +8,18 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.quantities import percent
+from sysid.base.quantities import display_quantity, percent
 from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import poor
+from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.fitting import load, save
 from sysid.formats import TABLE
+from sysid.joint.course import output_falls
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
 from sysid.workflow.record import Record, read_record, with_places, without_wraps
@@ -233,10 +235,10 @@ def _check_units(fit: AnyFit, record: Record) -> None:
         )
 
 
-def remarks(fit: AnyFit, data: IOData, run: np.ndarray | None = None) -> list[str]:
-    """What a reader of this free run should know: inputs beyond the estimation data's, runs that leave it.
+def remarks(fit: AnyFit, data: IOData, run: np.ndarray, from_rest: bool = False) -> list[str]:
+    """What a reader of this free run (N, ny) should know: inputs beyond the estimation data's, runs that leave it.
 
-    `run` is that from rest of a record without outputs.
+    `from_rest`: it is that of a record without outputs.
     """
     levelled, sentences = fit.own_level(data), []
     low, high = fit.u_span
@@ -251,16 +253,40 @@ def remarks(fit: AnyFit, data: IOData, run: np.ndarray | None = None) -> list[st
                 f"{high + shift:.4g}"
                 f"{unit}, which the estimation data cover: the model extrapolates there"
             )
+    if isinstance(fit, Fit) or from_rest:
+        sentences += _beyond_outputs(fit, data, run)
     trouble: str | None
-    if run is not None:
+    if from_rest:
         trouble = None if np.isfinite(run).all() else "the run from rest diverges: the model is not stable there"
     else:
         trouble = fit.divergence(data)
     if isinstance(fit, NlarxFit):
-        trouble = trouble or (fit.excursion(data) if run is None else None)
+        trouble = trouble or (None if from_rest else fit.excursion(data))
     else:
         sentences += fit.model.remarks(fit.theta, levelled.u)
     return [*sentences, trouble] if trouble else sentences
+
+
+def _beyond_outputs(fit: AnyFit, data: IOData, run: np.ndarray) -> list[str]:
+    """A sentence where a run leaves the range of the estimation data's output, with the stop that a joint lacks."""
+    low, high = fit.y_span
+    if data.y.shape[1] > 1 or not high > low or not np.isfinite(run).all():
+        return []
+    unit, shift = display_quantity(data.y_name, data.y_unit), 0.0 if fit.y_offset is None else float(fit.y_offset[0])
+    least, most = float(run.min()) - shift, float(run.max()) - shift
+    margin = _OUTSIDE * (high - low)
+    sides = [name for name, gap in (("lower", low - least), ("upper", most - high)) if gap > margin]
+    if not sides:
+        return []
+    a, b, c, d = (f"{unit.factor * (value + shift):.4g}" for value in (least, most, low, high))
+    sentence = f"the run goes from {a} to {b} {unit.unit}".rstrip()
+    sentence += f" and the estimation data from {c} to {d} {unit.unit}".rstrip() + ": the model extrapolates there"
+    if not isinstance(fit, Fit) or not is_joint(fit.model):
+        return [sentence]
+    of_motor = {"lower": "upper", "upper": "lower"} if output_falls(fit) else {}
+    missing = [name for name in sides if of_motor.get(name, name) not in motor_of(fit.model).ends]
+    lack = f"; it knows no {' and no '.join(missing)} end stop, at which the joint may stand" if missing else ""
+    return [sentence + lack]
 
 
 def fell(estimation_percent: float | None, record_percent: float, most: float = 10.0) -> str | None:

@@ -158,6 +158,19 @@ def test_inputs_alone_are_run_from_rest(place, capsys, monkeypatch, tmp_path):
     assert "the input is in A and the model's in V" in refused(other, capsys)
     write(tmp_path / "height.csv", raw[:, [0, 2]], "time_s,height_mm")
     assert "no column is left for the input" in refused([*arguments[:2], str(tmp_path / "height.csv")], capsys)
+    (tmp_path / "bare.csv").write_text("\n".join(f"{t!r},{u!r}" for t, u in raw[:, :2].tolist()))
+    bare = refused([*arguments[:2], str(tmp_path / "bare.csv")], capsys)
+    assert bare.endswith("column 2 is the input; a run from rest needs the input alone: give --input 2\n")
+
+
+def test_a_run_that_leaves_what_the_model_was_fitted_on_is_said(place, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(place)
+    capsys.readouterr()
+    raw = rows()[300:]
+    write(tmp_path / "strong.csv", raw[:, :2] * [1.0, 4.0], "time_s,volts_V")
+    notes = summary_of(["run", "fit/model.json", str(tmp_path / "strong.csv"), "--out", "strong"], capsys)["notes"]
+    assert any("of the input's samples lie outside" in note for note in notes)
+    assert any(note.startswith("the run goes from") and "the model extrapolates there" in note for note in notes)
 
 
 def refused(arguments, capsys):

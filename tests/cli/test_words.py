@@ -20,9 +20,8 @@ from twin.report import calibrate, compare, simulate
 )
 def test_the_name_of_a_file_stays_as_it_is(kind, label, first):
     regime = SimpleNamespace(of_error=0.6, share=0.5, name="fast")
-    result = SimpleNamespace(
-        kind=kind, label=label, regimes=(regime,), rms=0.1, fit=90.0, noise=0.01, alignment=None, verdict=None
-    )
+    empty = {"alignment": None, "verdict": None, "outliers": ()}
+    result = SimpleNamespace(kind=kind, label=label, regimes=(regime,), rms=0.1, fit=90.0, noise=0.01, **empty)
     assert compare.sentences(result, "log.csv")[0].startswith(f"{first} follows the log")
 
 

@@ -31,6 +31,7 @@ from sysid.report.figures import joined_figure
 from sysid.report.joint import parts_figure as parts_of_joint
 from sysid.report.joint import values_figure
 from sysid.report.page import element
+from sysid.report.sections import undetermined_in_words
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
@@ -341,8 +342,36 @@ def test_values_have_intervals_in_degrees_and_open_points_say_why(figures):
     (open_,) = [t for t in figures["values"]["data"] if t["name"] == "not determined"]
     assert open_["marker"]["symbol"] == "circle-open"
     assert "not reached" in open_["hovertext"][0]
+    assert (open_["y"], open_["marker"]["color"]) == (["upper end stop (?)"], style.SECOND)
     backlash = [t["xaxis"] for t in figures["values"]["data"] if "backlash" in t["y"]]
     assert backlash != [low["xaxis"]]  # a hundredth of the travel needs its own axis
+
+
+def test_a_number_alone_that_is_not_determined_stands_on_a_wide_axis():
+    (panel,) = values_figure([JointValue("backlash", 0.006, None, None, "rad", False, "not crossed")]).panels
+    assert panel.x.limits == (0.0, pytest.approx(2 * np.degrees(0.006)))
+
+
+def test_values_without_determination_name_each_reason_and_each_record_once():
+    why = "no {} starts from rest: record rising pulses (qpal design --for breakaway FILE)"
+    found = [
+        JointValue("moving_friction_up", 1.0, 0.8, 1.2, "V", why=f"break-away is not determined: {why.format('up')}"),
+        JointValue("breakaway_down", -1.0, None, None, "V", False, why.format("down")),
+        JointValue("end_high", 0.9, None, None, "rad", False, "not reached"),
+    ]
+    words = undetermined_in_words(SimpleNamespace(values=found))
+    assert words == (
+        "Not determined. Break-away voltage up: no up starts from rest. Break-away voltage down: no down starts "
+        "from rest. Upper end stop: not reached. What to do: record rising pulses (qpal design --for breakaway FILE)."
+    )
+
+
+def test_a_band_that_makes_the_error_a_line_gets_a_panel_of_the_error_alone(evaluation):
+    run = evaluation.validation_output
+    for wide, panels in ((100.0, 4), (1e-3, 3)):
+        band = SimpleNamespace(y=run, lower=run - wide, upper=run + wide, level=0.95)
+        given = SimpleNamespace(**{**vars(evaluation), "band": band, "one_step": None})
+        assert len(joined_figure(given).panels) == panels
 
 
 def test_an_element_gives_back_its_figure_and_no_text_ends_the_script(data):
