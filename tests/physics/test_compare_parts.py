@@ -1,5 +1,7 @@
 """Regimes, shares of an error, frequency responses, repeatability and intervals, on records made by hand."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter
@@ -8,9 +10,11 @@ import sysid
 import twin
 from sysid.base.errors import InputError
 from sysid.joint.values import JointValue
+from twin.compare import intervals
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, compare_log, compare_model
 from twin.compare.departure import NAMES, by_regime, has_power, noise_of, outliers, regimes, repeat, spectrum
+from twin.compare.effects import Knob
 from twin.compare.intervals import Value, sandwich
 from twin.compare.joints import Pair
 from twin.compare.unseen import unseen
@@ -136,6 +140,20 @@ def test_intervals_hold_under_coloured_residuals():
         white.append(np.abs(beta) <= 1.96 * np.std(rest) * np.sqrt(np.diag(np.linalg.inv(X.T @ X))))
     assert np.mean(hits) > 0.9
     assert np.mean(white) < 0.6
+
+
+@pytest.mark.parametrize(("bounds", "known"), [((-0.1, 0.1), False), ((-0.1, 9.0), True), ((-9.0, 9.0), True)])
+def test_an_interval_from_bound_to_bound_is_none(bounds, known, monkeypatch):
+    J = np.column_stack([np.zeros(400), np.full(400, 0.1)])
+    monkeypatch.setattr(intervals, "differences", lambda *_: [J])
+    monkeypatch.setattr(intervals, "stiffness", lambda *_: np.zeros(1))
+    knob = Knob("delay", "s", 0.0, *bounds, 1.0)
+    trials = SimpleNamespace(knobs={"delay": knob})
+    search = SimpleNamespace(knobs=("delay",), free=("delay",), state={}, last=None)
+    monkeypatch.setattr(intervals, "replace", lambda search, **_: search)
+    e = np.random.default_rng(0).standard_normal(400)
+    (found,) = intervals.values(trials, search, e)
+    assert (found.low is not None) == known
 
 
 def test_what_a_record_does_not_show_has_no_interval():

@@ -47,7 +47,8 @@ def values(
     for name, std in zip(search.free, spread, strict=True):
         knob = trials.knobs[name]
         value, half = search.state.get(name, knob.nominal), factor * std * knob.typical
-        known = bool(np.isfinite(half))
+        # An interval from bound to bound tells the bounds, not the value.
+        known = bool(np.isfinite(half)) and (value - half > knob.lower or value + half < knob.upper)
         low, high = (max(value - half, knob.lower), min(value + half, knob.upper)) if known else (None, None)
         results.append(Value(name, value, low, high, knob.unit))
     return tuple(results)
