@@ -18,7 +18,10 @@ from twin.bench.standin import LACKS, StandIn
 from twin.calibrate.calibration import calibrate
 
 KINDS = ("same", "other")
-SCORES = ("joint", "structure", "n", "inside 95 %", "worst loss", "median", "times closer, worst", "CPU s", "converged")
+SCORES = (
+    *("joint", "structure", "n", "inside 95 %", "band holds", "its worst", "worst loss", "median"),
+    *("times closer, worst", "CPU s", "converged"),
+)
 INTERVALS = ("parameter", "same: inside", "other: inside", "error before", "error after, other", "noise's share")
 
 
@@ -27,8 +30,10 @@ def score(case, options):
     joint, seed, kind = case
     rig = StandIn(joint, seed, kind == "same")
     logs, fresh = rig.calibration(), rig.fresh()
+    sweep = {"half_period": 2.0 if joint == "shoulder" else 7.5, "jitter": 0.5, "shrink": 0.5, "first": 0.6}
+    held_out = [rig.log("aprbs", 30.0, 7), rig.log("sweep", 30.0, 8, **sweep), fresh]
     start, cpu_start = time.perf_counter(), time.process_time()
-    calibration = calibrate(logs, joint, without=LACKS, held_out=[fresh], threads=options.threads)
+    calibration = calibrate(logs, joint, without=LACKS, held_out=held_out, threads=options.threads)
     seconds, cpu = time.perf_counter() - start, time.process_time() - cpu_start
     scores, run = calibration.scores[-1], calibration.runs[-1]
     return {
@@ -55,6 +60,7 @@ def score(case, options):
             }
             for value in calibration.values
         },
+        "band": [each.inside for each in calibration.scores if each.held_out],
         "fixed": [name.rpartition(".")[2] for name in calibration.fixed],
     }
 
@@ -75,9 +81,10 @@ def summary(rows, options):
             holding = [holds(value) for row in group for value in row["values"].values()]
             loss = [row["ceiling"] - row["after"] for row in group]
             closer = [row["error_before"] / row["error_after"] for row in group]
-            cpu = [row["cpu"] for row in group]
+            cpu, band = [row["cpu"] for row in group], [share for row in group for share in row["band"]]
             scores.append(
-                [joint, kind, len(group), f"{100 * np.mean(holding):.1f} % of {len(holding)}", f"{max(loss):.2f}",
+                [joint, kind, len(group), f"{100 * np.mean(holding):.1f} % of {len(holding)}",
+                 f"{100 * np.mean(band):.0f} % of {len(band)} logs", f"{100 * min(band):.0f} %", f"{max(loss):.2f}",
                  f"{np.median(loss):.2f}", f"{min(closer):.1f}", f"{np.median(cpu):.0f}, at most {max(cpu):.0f}",
                  sum(row["converged"] for row in group)]
             )  # fmt: skip
