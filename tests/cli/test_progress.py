@@ -13,7 +13,7 @@ from sysid.workflow import identification
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from twin.cli import console, main
-from twin.cli.console import Rounds, Searches, Steps
+from twin.cli.console import Rounds, Searches, Steps, _Lines
 
 
 def test_a_joint_tells_each_search_of_its_fit(tmp_path):
@@ -134,3 +134,10 @@ def test_the_time_that_is_left_does_not_grow_while_a_step_is_silent(monkeypatch,
         lines.update(50.0, "12 robots")
         lines.write()
         assert capsys.readouterr().err == f"qpal: {gone:.0f} s, 25 %: 12 robots{left}\n"
+
+
+def test_more_steps_than_were_expected_are_not_more_than_all(capsys):
+    lines = _Lines(4)
+    lines.update(6.0, "iteration 9")
+    lines.write()
+    assert ", 100 %: iteration 9" in capsys.readouterr().err

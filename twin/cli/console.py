@@ -137,7 +137,7 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, know
 
         def update(share: float, name: str) -> None:
             time_left = _time_left(time.monotonic() - start, share / total) if known else ""
-            bar.update(task, completed=share, description=f"{name}{time_left}")
+            bar.update(task, completed=min(share, total), description=f"{name}{time_left}")
 
         receiver = Steps(update, shares)
         with _every((1.0,), receiver.tick):
@@ -159,7 +159,7 @@ class _Lines:
     def update(self, share: float, name: str) -> None:
         """Keep it for the next line."""
         self._moved = time.monotonic() if share / self._total != self._share else self._moved
-        self._share, self._name = share / self._total, name
+        self._share, self._name = min(share / self._total, 1.0), name  # the number of steps is an estimate
 
     def write(self) -> None:
         """The next line."""
