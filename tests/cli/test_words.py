@@ -38,7 +38,7 @@ def test_a_search_that_was_stopped_did_not_converge_in_the_same_sentence(late, c
     monkeypatch.setattr(calibrate.advice, "sentences", lambda result: [])
     found = SimpleNamespace(late=late, stop=SimpleNamespace(iterations=3), descents=1)
     ended = {"converged": converged, "reason": "it ended", "scores": (), "next_step": lambda: ""}
-    assert calibrate.sentences(SimpleNamespace(found=found, **ended)) == [words]
+    assert calibrate.sentences(SimpleNamespace(found=found, agreements=(), differing=[], **ended)) == [words]
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def legs():
 
 def overlay():
     y = np.sin(np.arange(99))
-    run = SimpleNamespace(u=y, y=y, before=y, after=y, Ts=0.1, name="a-long-name-of-a-file-of-the-rig.csv")
+    run = SimpleNamespace(half=None, u=y, y=y, before=y, after=y, Ts=0.1, name="a-long-name-of-a-file-of-the-rig.csv")
     return draw(calibrate.overlay_figure(run))
 
 
