@@ -93,7 +93,7 @@ def _own_steps(
 
     The residuals have the covariance noise^2 I + sum of size_g^2 Phi_g Phi_g', inverted by Woodbury's formula.
     """
-    Phi = np.hstack([s * group for s, group in zip(size.groups, groups, strict=True)]) / size.noise
+    Phi = discrepancy.by_size(groups, size) / size.noise
     inner = np.linalg.cholesky(np.eye(Phi.shape[1]) + Phi.T @ Phi)
 
     def weighed(X: np.ndarray) -> np.ndarray:

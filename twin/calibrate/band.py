@@ -35,7 +35,7 @@ class Lack:
         columns = np.zeros((len(response), len(shared)))
         columns[task.records[0].scored] = task.columns(p, shared) * self.spreads
         groups = discrepancy.departures([response], [task.records[0].Ts], self.sizes.width, self.frame)
-        D = np.hstack([columns, *(s * Phi for s, Phi in zip(self.sizes.groups, groups, strict=True))])
+        D = np.hstack([columns, discrepancy.by_size(groups, self.sizes)])
         squares = (D @ self.mean) ** 2 + np.einsum("ij,jk,ik->i", D, self.covariance, D) + self.sizes.noise**2
         return np.asarray(norm.ppf(0.5 + level / 2) * np.sqrt(squares))
 
@@ -51,7 +51,7 @@ def lack(
 ) -> Lack:
     """The posterior from residuals e (N,), their Jacobian J (N, n) by shared parameters with priors of `spreads` (n,)
     and `own` (N, q) by those of each record, and the `groups` of departures (N, k) with their sizes."""
-    D = np.hstack([J * spreads, *(s * Phi for s, Phi in zip(size.groups, groups, strict=True)), own]) / size.noise
+    D = np.hstack([J * spreads, discrepancy.by_size(groups, size), own]) / size.noise
     covariance = np.linalg.inv(D.T @ D + np.eye(D.shape[1]))
     mean, m = covariance @ (D.T @ e) / size.noise, D.shape[1] - own.shape[1]
     return Lack(mean[:m], covariance[:m, :m], spreads, size, frame)

@@ -114,9 +114,9 @@ def calibrate(
         values = _values(task, optimum, cov, J, size, base, level)
         runs_values = _values_by_run(task, optimum, cov, J, size, base, level)
         found = dict(zip(free_rows, task.values(optimum.p), strict=False))
-        found |= {row: float(np.mean([v.value for v in each])) for row, each in runs_values.items() if row != ZERO}
-        parameters = _as_board_sees(initial.replace(found))
-        runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, logs, held_out, labels)
+        means = {row: float(np.mean([v.value for v in each])) for row, each in runs_values.items() if row != ZERO}
+        parameters = _as_board_sees(initial.replace(found | means))
+        runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, means, logs, held_out, labels)
         runs = with_bands(runs, lacking, wide, wide_leg, _wide_point(wide, task, optimum.p), held_out, level)
     moved_rows = tuple(row for row in ROWS if row not in (*free_rows, *daily, DELAY) and parameters[row] != base[row])
     converged, reason = _verdict(optimum, e, J, cov, seconds)

@@ -145,6 +145,11 @@ def sizes(e: np.ndarray, J: np.ndarray, groups: Sequence[np.ndarray]) -> Sizes:
     return Sizes(float(estimates[0]), tuple(float(v) for v in estimates[1:]), -0.5 * float(best.fun) * len(e))
 
 
+def by_size(groups: Sequence[np.ndarray], size: Sizes) -> np.ndarray:
+    """All departures side by side (N, k), each times the standard deviation of its weights."""
+    return np.hstack([s * Phi for s, Phi in zip(size.groups, groups, strict=True)])
+
+
 def estimate(
     e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored_samples: np.ndarray
 ) -> tuple[list[np.ndarray], Sizes]:

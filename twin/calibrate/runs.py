@@ -1,12 +1,12 @@
 """Free runs of the uncalibrated and of the calibrated twin over all logs of a calibration, and their scores."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from twin.calibrate.band import Lack
-from twin.calibrate.leg import ZERO, Leg
+from twin.calibrate.leg import Leg
 from twin.calibrate.problem import Record, Simulations
 from twin.calibrate.result import Run, Score
 from twin.calibrate.search import Optimum
@@ -20,27 +20,24 @@ def free_runs(
     calibrated_leg: Leg,
     task: Simulations,
     optimum: Optimum,
+    means: Mapping[str, float],
     logs: Sequence[Log],
     held_out: Sequence[Log],
     labels: Sequence[str],
 ) -> tuple[Run, ...]:
     """Free runs of the uncalibrated and the calibrated twin over all logs.
 
-    The uncalibrated twin and held-out logs start at the log's first angle.
+    The uncalibrated twin and held-out logs start at the log's first angle. What each run has of its own, a held-out log
+    takes from the `means` of the runs.
     """
     values, n_shared, out = task.values(optimum.p), len(task.shared), []
-    own: dict[str, list[float]] = {
-        row: [] for row in calibrated_leg.by_run if row != ZERO
-    }  # of a log that was not used: the mean of the runs
-    for j, f in enumerate(task.free[n_shared:], n_shared):
-        own.setdefault(f.name, []).append(values[j])
-    means = np.array([np.mean(own[row]) for row in calibrated_leg.by_run if row != ZERO])
+    own = np.array([means[row] for row in calibrated_leg.by_run if row in means])
     for k, log in enumerate((*logs, *held_out)):
         held = k >= len(logs)
         old, new = nominal_leg.record(log, labels[k]), calibrated_leg.record(log, labels[k], k == 0 or held)
         nominal = _from_first_angle(old, np.empty(0), np.empty(0))
         if held:
-            found_run = _from_first_angle(new, values[:n_shared], means)
+            found_run = _from_first_angle(new, values[:n_shared], own)
         else:
             found_run = new.respond(np.append(values[:n_shared], values[task.own[k]])[None])[0]
         u = log.io(nominal_leg.joint if log.joint else None).u.ravel()
