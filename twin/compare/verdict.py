@@ -19,7 +19,7 @@ from twin.follow import VISIBLE
 
 CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
-_WORTH = 0.03  # share of the departure that a further effect must explain
+WORTH = 0.03  # share of the departure that a further effect must explain
 _ALIKE = 6.0  # a difference of twice the log likelihood below this does not tell two effects apart
 _SCALED = 0.2  # of the range: from here the log's scale is guessed from its range
 _EXPECTED = {"shank_mass": 0.05}  # [kg] standard deviation: a load at the foot is told apart from it by nothing else
@@ -122,7 +122,7 @@ def explain(
         fit_all(trials, candidates, y, rounds=3)
         candidates.sort(key=lambda search: _score(search, len(y)))
         winner = _better_than_chance(last, candidates, len(y))
-        if winner is None or last.cost - winner.cost < _WORTH * (base.cost - noise):
+        if winner is None or last.cost - winner.cost < WORTH * (base.cost - noise):
             break
         searches.append(winner)
     searches = _drop_superfluous(trials, base, searches, y)

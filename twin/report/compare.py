@@ -16,7 +16,7 @@ from twin.compare.departure import DEFINITIONS
 from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
 from twin.compare.structures import CAUSES
-from twin.compare.verdict import Verdict
+from twin.compare.verdict import WORTH, Verdict
 from twin.report import compare_figures as figures
 from twin.report import leg
 from twin.report.compare_words import (
@@ -156,7 +156,7 @@ def _others(verdict: Verdict) -> str:
     """The effects that explain nothing."""
     telling = figures.telling(verdict)
     names = [CAUSES[share.effect].words for share in verdict.alone if share not in telling]
-    return f"Moved alone, these explain less than {100 * figures.LEAST:g} %: {', '.join(names)}." if names else ""
+    return f"Moved alone, these explain less than {100 * WORTH:g} %: {', '.join(names)}." if names else ""
 
 
 def _change_tables(verdict: Verdict) -> list[Grid]:

@@ -15,13 +15,12 @@ from sysid.plots.free_runs import runs_figure
 from twin.compare.comparison import LOG, Comparison
 from twin.compare.departure import Spectrum
 from twin.compare.structures import CAUSES
-from twin.compare.verdict import Share, Verdict
+from twin.compare.verdict import WORTH, Share, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DEG = 180.0 / np.pi
-LEAST = 0.03  # of the departure: a shorter bar is hardly seen; a further effect must explain as much to be named
 
 
 def names(result: Comparison) -> tuple[str, str]:
@@ -55,9 +54,9 @@ def regimes_figure(result: Comparison) -> Figure:
 
 
 def telling(verdict: Verdict) -> list[Share]:
-    """The effects that explain at least `LEAST` of the departure when moved alone, and those of the verdict."""
+    """The effects that explain at least `WORTH` of the departure when moved alone, and those of the verdict."""
     names = {share.effect for share in verdict.named}
-    return [share for share in verdict.alone if share.share >= LEAST or share.effect in names]
+    return [share for share in verdict.alone if share.share >= WORTH or share.effect in names]
 
 
 @styled
