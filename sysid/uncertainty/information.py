@@ -188,7 +188,8 @@ def information_at(
             maps = J[:, np.any(slope_changes(chain), axis=0)]
             if colour is not None and np.any(maps):  # of named shapes alone the record shows no change of slope
                 level = colour.level(maps, data.lengths)
-            rows = _prior_rows(chain, smoothing, np.sqrt(level) / beyond) @ basis
+            firm = np.divide(np.sqrt(level), beyond, out=np.zeros_like(beyond), where=beyond > 0.0)
+            rows = _prior_rows(chain, smoothing, firm) @ basis
             moving = ~held_scales(chain, theta)[chain.free][~at_bound]
         elif prior is not None:
             level = level if colour is None else colour.level(Jp, data.lengths)
@@ -235,6 +236,7 @@ def _wider(chain: Chain, theta: np.ndarray) -> tuple[Chain, np.ndarray, np.ndarr
     """The chain with places beyond the range of finer maps and shapes, theta there, a deviation (m,) by end, and `own`.
 
     The record does not show a map's slope beyond its range. It has a normal distribution around the last slope inside.
+    A deviation is 0 for a map that is flat everywhere: nothing is known of its slope beyond.
     """
     blocks, parts, beyond, own = [], [], list[float](), []
     for block in chain.blocks:

@@ -92,7 +92,8 @@ def propose(
     the experiment is designed (`sysid.joint.use`). `progress` is called before the fit, `heard` with a text after
     each search of it; after `seconds` the fit is stopped, as `sysid.fit_joint` says, with a note in the design, and no
     more parts for a use are sought. Raises InputError for limits that are not positive or longer samples than the
-    log's, before any fit; for a file that is no log, a log that is not a joint's, and as `sysid.joint.design.design`.
+    log's, before any fit; for a file that is no log, a log that is not a joint's, and as `sysid.joint.design.design`. A
+    log that does not show whether it is a joint's is named in the notes.
     """
     for name, value in (("volts", volts), ("strike", strike), ("sample", sample)):
         if value is not None and not 0.0 < value < np.inf:
@@ -108,7 +109,7 @@ def propose(
     data, clock = ActuatedJoint().scale(record.data), Clock(seconds)
     found = fit_joint(data, seed=seed, progress=heard, seconds=seconds)
     judgement = verdict(found, data)
-    if not judgement.joint:
+    if not judgement.joint and not judgement.undetermined:
         prefix = f"{found.stopped}; " if found.stopped else ""
         raise InputError(
             f"{prefix}{judgement.sentence()} No experiment is designed from it. To see the fit: qpal identify "
@@ -118,6 +119,8 @@ def propose(
     experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, clock=clock)
     if wanted is not None:
         experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data)))
+    if judgement.undetermined:
+        experiment = replace(experiment, notes=(judgement.sentence().rstrip("."), *experiment.notes))
     if found.stopped:
         experiment = replace(experiment, notes=(found.stopped, *experiment.notes))
     return Proposal(record, fit, experiment)

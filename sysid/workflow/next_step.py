@@ -32,7 +32,7 @@ from sysid.workflow.remarks import JOINT_RECORD, extrapolated_signals, gain_rema
 from sysid.workflow.results import Evaluation, Identification, NextStep
 
 STARTS = 5  # with fewer, another start may find more; from the second on it rarely does
-MUCH = 0.2  # of the validation part
+MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
 _CLASSES = {OutputError.name: 0, Armax.name: 1, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
 _RICHER = 3  # every other structure
@@ -104,10 +104,16 @@ def _budget(result: Identification) -> NextStep | None:
 
 
 def _no_joint(result: Identification) -> NextStep | None:
-    """The record is not that of a joint: a search over all structures, or, after one, a model without physics."""
-    judgement = result.evaluation.joint
-    open_ = judgement is not None and judgement.undetermined
-    reason = "the record does not determine a joint" if open_ else "the record is not that of an actuated joint"
+    """The record is not that of a joint: a search over all structures, or, after one, a model without physics.
+
+    A record that does not show whether it is a joint's, or half of which hardly moves, is to be followed by another.
+    """
+    e = result.evaluation
+    is_uncovered = _share_outside(e.estimation, e.validation) > MOST
+    if is_uncovered or (e.joint is not None and e.joint.undetermined):
+        files = map(str, result.record.files or (result.record.path,))
+        return NextStep("this record is too short to show a joint", shlex.join(["qpal", "design", *files]))
+    reason = "the record is not that of an actuated joint"
     if result.selection is None:
         return NextStep(reason, command(result, structure="auto"))
     reason = f"{reason}, which the search chose"

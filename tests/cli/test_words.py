@@ -92,7 +92,9 @@ def test_a_gain_has_the_unit_of_figures():
 
 
 def test_a_log_of_no_joint_is_told_in_whole_sentences(monkeypatch):
-    said = SimpleNamespace(joint=False, sentence=lambda: "This record does not show it. Record again.")
+    said = SimpleNamespace(
+        joint=False, undetermined=False, sentence=lambda: "This record does not show it. Record again."
+    )
     data = SimpleNamespace(Ts=0.1, y_unit="rad")
     monkeypatch.setattr(design_of, "read_record", lambda path, **columns: SimpleNamespace(data=data))
     monkeypatch.setattr(design_of.ActuatedJoint, "scale", lambda self, data: data)
