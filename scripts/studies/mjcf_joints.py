@@ -126,7 +126,7 @@ def toolbox(rig, used, held, truth):
 
     def residual(x, _):
         points = np.atleast_2d(np.asarray(x).T)
-        y = rig.run(points, used.u, used.Ts, np.tile(used.first, (len(points), 1)))
+        y = rig.run(points, used.u, used.Ts, np.tile(used.start, (len(points), 1, 1)))
         rows = np.nan_to_num((y - used.y).reshape(len(points), -1), nan=10.0)
         return [rows.T if np.ndim(x) > 1 else rows[0]], None, None
 
@@ -134,7 +134,7 @@ def toolbox(rig, used, held, truth):
     optimum, _ = sysid.optimize(parameters, residual, verbose=False)
     seconds, cpu = time.perf_counter() - start, time.process_time() - cpu
     x = np.asarray(optimum.as_vector())
-    error = held.y - free_run(rig, x, held.u, held.Ts, held.first)
+    error = held.y - free_run(rig, x, held.u, held.Ts, held.start)
     names = [each.free.name for each in rig.parameters]
     values = {name: {"true": truth[name], "value": v, "low": v, "high": v} for name, v in zip(names, x, strict=True)}
     worst = float(np.degrees(np.sqrt(np.mean(error**2, axis=0))).max())

@@ -56,15 +56,31 @@ def test_hidden_values_are_found_from_none(calibrated):
         assert run.rms("before") > 0.03
 
 
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_log_may_begin_with_a_step_or_in_motion(folder, moves):
+    """Its first row is the 250th of a longer record: what was commanded before is not in it."""
+    rng, t = np.random.default_rng(7), np.arange(1500) * TS
+    u = np.column_stack([chirp(t), chirp(t, 0.3, 4.0, 0.6)]) if moves else levels(rng, 2, 1500, 250)
+    y = record(PENDULUM, TRUTH, (HIP, KNEE), u, TS, 1e-3, rng)
+    whole = logs.RobotLog("cut", u[250:], y[250:], TS)
+    result = calibration.calibrate(
+        robot.read(folder / "robot.xml", (HIP, KNEE)), [whole], [replace(whole, name="held")]
+    )
+    for name, truth in TRUTH.items():
+        assert abs(result[name].value - truth) < max(0.02 * abs(truth), 3.0 * result[name].std), name
+    assert max(run.rms("after") for run in result.runs) < 1.5e-3  # of which 1e-3 is noise
+
+
 def test_the_written_robot_moves_as_the_calibrated_one(calibrated, folder, tmp_path):
     """In plain MuJoCo, whose own delay takes the commands later."""
     result, log = calibrated
     assert writing.write(result, tmp_path) == ["ranges.toml", "robot-calibrated.xml", "changes.diff"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "robot-calibrated.xml"))
     data, bias = mujoco.MjData(model), np.array([model.numeric(f"{name}_bias").data[0] for name in (HIP, KNEE)])
-    data.qpos[:] = log.first - bias
+    first, data.qvel[:], earlier = np.column_stack([run.start for run in result.runs if not run.held_out])
+    data.qpos[:] = first - bias
     for k in range(2):
-        mujoco.mj_initCtrlHistory(model, data, k, None, np.full(int(model.actuator_history[k, 0]), log.u[0, k]))
+        mujoco.mj_initCtrlHistory(model, data, k, None, np.full(int(model.actuator_history[k, 0]), earlier[k]))
     y = np.zeros_like(log.u)
     for k, u in enumerate(log.u):
         y[k], data.ctrl[:] = data.qpos + bias, u

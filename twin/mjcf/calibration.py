@@ -17,7 +17,7 @@ from twin.mjcf.logs import RobotLog
 from twin.mjcf.parameters import USUAL, parameters
 from twin.mjcf.problem import Fit
 from twin.mjcf.robot import Robot
-from twin.mjcf.search import find_posterior
+from twin.mjcf.search import find_posterior, start_of
 from twin.mjcf.simulation import Rig, free_run
 
 LEVEL = 0.95
@@ -48,7 +48,10 @@ class Value:
 
 @dataclass(frozen=True)
 class Run:
-    """A log of one drive with the model's free runs (N,) before and after; `unit` is rad or m."""
+    """A log of one drive with the model's free runs (N,) before and after; `unit` is rad or m.
+
+    `start` has the first reading, the speed then and the command before, from which both runs begin.
+    """
 
     log: str
     drive: str
@@ -59,6 +62,7 @@ class Run:
     y: np.ndarray = field(repr=False)
     before: np.ndarray = field(repr=False)
     after: np.ndarray = field(repr=False)
+    start: np.ndarray = field(repr=False)
 
     def rms(self, run: str) -> float:
         """RMS error [unit] of the free run "before" or "after"."""
@@ -160,12 +164,13 @@ def calibrate(
         cov = _covariance(task, optimum.p)
         values = _values(task, optimum.p, cov)
         slopes = task.slopes(optimum.p)[: len(values)]
-        runs = _runs(rig, np.array([value.value for value in values]), logs, held_out)
+        starts = [*task.starts(optimum.p)]
+        point, sigma = np.array([value.value for value in values]), task.residual_sizes(optimum.p)
+        starts += [start_of(rig, point, log, sigma) for log in held_out]
+        runs = _runs(rig, point, [*logs, *held_out], starts, len(logs))
     P = len(values)
     cov = cov[:P, :P] * np.outer(slopes, slopes)
-    return RobotCalibration(
-        robot, rig, values, cov, runs, optimum, task.residual_sizes(optimum.p), simulations + task.simulations
-    )
+    return RobotCalibration(robot, rig, values, cov, runs, optimum, sigma, simulations + task.simulations)
 
 
 def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
@@ -196,12 +201,14 @@ def _values(task: Fit, p: np.ndarray, cov: np.ndarray) -> tuple[Value, ...]:
     return tuple(out)
 
 
-def _runs(rig: Rig, values: np.ndarray, logs: Sequence[RobotLog], held_out: Sequence[RobotLog]) -> tuple[Run, ...]:
-    """Free runs of the model as it was and as it is calibrated, from the first readings of each log."""
+def _runs(
+    rig: Rig, values: np.ndarray, logs: Sequence[RobotLog], starts: Sequence[np.ndarray], used: int
+) -> tuple[Run, ...]:
+    """Free runs of the model as it was and as it is calibrated, from the start of each log; the first logs are used."""
     model, out = np.array([parameter.before for parameter in rig.parameters]), []
-    for k, log in enumerate((*logs, *held_out)):
-        before, after = (free_run(rig, point, log.u, log.Ts, log.first) for point in (model, values))
+    for k, (log, start) in enumerate(zip(logs, starts, strict=True)):
+        before, after = (free_run(rig, point, log.u, log.Ts, start) for point in (model, values))
         for j, drive in enumerate(rig.robot.drives):
-            columns = (each[:, j] for each in (log.u, log.y, before, after))
-            out.append(Run(log.name, drive.name, drive.unit, k >= len(logs), log.Ts, *columns))
+            columns = (each[:, j] for each in (log.u, log.y, before, after, start))
+            out.append(Run(log.name, drive.name, drive.unit, k >= used, log.Ts, *columns))
     return tuple(out)

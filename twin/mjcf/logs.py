@@ -12,6 +12,9 @@ from twin.calibrate.problem import noise_of
 from twin.mjcf.robot import Drive, Robot
 
 FIRST = 3  # samples whose median is the first angle
+NEAR = 3.0  # standard deviations of the noise, within which the first reading is known
+FASTEST = 0.99  # of the changes from reading to reading: the largest are spikes
+LEAST = 1e-6  # [rad, m, s] a reading is never surer
 WIDEST = 60.0  # [rad]: a hinge that seems to move so far is logged in degrees
 REMEDY = 'name it in the header, as in "angle [deg]", or as unit in a mapping (qpal info FILE --write-map MAP.toml)'
 
@@ -27,9 +30,18 @@ class RobotLog:
     notes: tuple[str, ...] = ()
 
     @property
-    def first(self) -> np.ndarray:
-        """The readings (drives,) in which the log begins, at rest."""
-        return np.array([np.median(column[np.isfinite(column)][:FIRST]) for column in self.y.T])
+    def start(self) -> np.ndarray:
+        """The start (3, drives) of a log at rest: first reading, no speed, and the first command held before it."""
+        first = [np.median(column[np.isfinite(column)][:FIRST]) for column in self.y.T]
+        return np.array([first, np.zeros(len(first)), self.u[0]])
+
+    @property
+    def doubt(self) -> np.ndarray:
+        """How far (3, drives) the log may be from that start, as deviations."""
+        firsts = [column[np.isfinite(column)][:FIRST] for column in self.y.T]
+        reading = NEAR * np.maximum(self.noise, LEAST) + np.array([np.ptp(first) for first in firsts])
+        speed = np.nanquantile(np.abs(np.diff(self.y, axis=0)), FASTEST, axis=0) / self.Ts
+        return np.maximum([reading, speed, np.ptp(self.u, axis=0)], LEAST)
 
     @property
     def noise(self) -> np.ndarray:

@@ -9,23 +9,33 @@ from twin.mjcf.logs import RobotLog
 from twin.mjcf.simulation import Rig
 
 FINE = 0.1  # of the steps of the search: errors of differences fall with its square
-NEAR = 3.0  # standard deviations of the noise, within which the first reading is known
+WIDE = 10.0  # of the scale: how far the start of a log may be, while starts of a search are drawn within the scale
+STARTS = (("first reading", ""), ("first speed", "/s"), ("command before the log", ""))  # rows of a start, with units
 
 
 class Fit(Simulations):
     """The penalised least squares: residuals in standard deviations `sigma` (drives,), then one row a prior.
 
+    Free are the rig's parameters, unless their values (P,) are `known`, and the start of each log.
+
     Trees of bodies that nothing connects do not move each other, so one simulation steps a parameter in each of them at
     once (Curtis, Powell and Reid 1974, J. Inst. Maths Applics 13).
     """
 
-    def __init__(self, rig: Rig, logs: Sequence[RobotLog], sigma: np.ndarray, start: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        rig: Rig,
+        logs: Sequence[RobotLog],
+        sigma: np.ndarray,
+        start: np.ndarray | None = None,
+        known: np.ndarray | None = None,
+    ) -> None:
         self.rig, self.logs, self.sigma = rig, logs, sigma
-        super().__init__(
-            [parameter.free for parameter in rig.parameters], [_record(rig, log, sigma) for log in logs], noise=1.0
-        )
-        firsts = len(self.free) - len(self.shared)
-        self.deviations = np.array([*(p.deviation for p in rig.parameters), *[1.0] * firsts])
+        self.parameters = rig.parameters if known is None else ()
+        records = [_record(rig, log, sigma, known) for log in logs]
+        super().__init__([parameter.free for parameter in self.parameters], records, noise=1.0)
+        own = len(self.free) - len(self.shared)
+        self.deviations = np.array([*(p.deviation for p in self.parameters), *[WIDE] * own])
         self.centre, self._first = super().start, start
         self._trees = self._columns_by_tree()
 
@@ -66,6 +76,10 @@ class Fit(Simulations):
         second = self._changes(p, base, columns, np.where(inside, -steps, 2.0 * steps))
         return np.asarray((np.where(inside, 1.0, 4.0) * first - second) / (2.0 * steps))
 
+    def starts(self, p: np.ndarray) -> np.ndarray:
+        """The starts (logs, 3, drives) at p (n,)."""
+        return self.values(p)[len(self.shared) :].reshape(len(self.logs), len(STARTS), -1)
+
     def residual_sizes(self, p: np.ndarray) -> np.ndarray:
         """RMS residual (drives,) [rad or m] at p (n,), over all logs."""
         pairs = zip(self.records, self.responses_at(p), strict=True)
@@ -77,7 +91,8 @@ class Fit(Simulations):
         drives = self.rig.robot.drives
         if self.rig.robot.coupled:
             return np.full(len(self.free), -1)
-        places = [parameter.drive for parameter in self.rig.parameters] + [*range(len(drives))] * len(self.logs)
+        places = [parameter.drive for parameter in self.parameters]
+        places += [*range(len(drives))] * len(STARTS) * len(self.logs)
         return np.array([-1 if place is None else drives[place].tree for place in places])
 
     def _changes(self, p: np.ndarray, base: list[np.ndarray], columns: Sequence[int], steps: np.ndarray) -> np.ndarray:
@@ -107,16 +122,19 @@ class Fit(Simulations):
         return np.concatenate(out)
 
 
-def _record(rig: Rig, log: RobotLog, sigma: np.ndarray) -> Record:
-    """The log as one series, drive after drive, in standard deviations; its own parameters are the first readings."""
-    drives, P = rig.robot.drives, len(rig.parameters)
+def _record(rig: Rig, log: RobotLog, sigma: np.ndarray, known: np.ndarray | None) -> Record:
+    """The log as one series, drive after drive, in standard deviations; its own parameters are its start."""
+    P = 0 if known is not None else len(rig.parameters)
     own = tuple(
-        Free(f"first reading of {drive.name}", float(first), -np.inf, np.inf, drive.unit, NEAR * float(s))
-        for drive, first, s in zip(drives, log.first, np.maximum(log.noise, 1e-6), strict=True)
+        Free(f"{name} of {drive.name}", float(value), -np.inf, np.inf, drive.unit + per, float(doubt) / WIDE)
+        for (name, per), values, doubts in zip(STARTS, log.start, log.doubt, strict=True)
+        for drive, value, doubt in zip(rig.robot.drives, values, doubts, strict=True)
     )
 
     def respond(values: np.ndarray) -> np.ndarray:
-        y = rig.run(values[:, :P], log.u, log.Ts, values[:, P:]) / sigma
+        parameters = values[:, :P] if known is None else np.tile(known, (len(values), 1))
+        start = values[:, P:].reshape(len(values), len(STARTS), -1)
+        y = rig.run(parameters, log.u, log.Ts, start) / sigma
         return y.transpose(0, 2, 1).reshape(len(values), -1)
 
     return Record(log.name, (log.y / sigma).T.ravel(), log.Ts, respond, own)

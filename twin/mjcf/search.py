@@ -10,12 +10,13 @@ from sysid.solver.iterate import Options
 from twin.calibrate.search import Optimum, find_optimum
 from twin.mjcf.logs import RobotLog
 from twin.mjcf.parameters import parameters
-from twin.mjcf.problem import Fit
+from twin.mjcf.problem import STARTS, Fit
 from twin.mjcf.robot import Robot, drives_of
 from twin.mjcf.simulation import Rig
 
 ROUNDS = 3  # searches, each with the noise that the last one left
 SETTLED = 0.1  # change of the noise by which another search would bring nothing
+OPENING, SHORTEST = 0.5, 20  # [s] and samples of a log that tell its start; a longer part tells the model's errors
 LEAST = 1.0 / 3.0  # of the noise that differences of the readings show: what is left over cannot be less
 
 Report = Callable[[str], None]
@@ -44,6 +45,15 @@ def find_posterior(
         place = _together(Fit(rig, logs, np.ones(len(rig.robot.drives))), found)
     task, optimum, count = _rounds(rig, logs, place, rng, limits, say)
     return task, optimum, simulations + count
+
+
+def start_of(rig: Rig, values: np.ndarray, log: RobotLog, sigma: np.ndarray) -> np.ndarray:
+    """The start (3, drives) of a log under known `values` (P,), from its first `OPENING` seconds."""
+    n = max(round(OPENING / log.Ts), SHORTEST)
+    task = Fit(rig, [RobotLog(log.name, log.u[:n], log.y[:n], log.Ts)], sigma, known=values)
+    if task.residual(task.start) is None:
+        return log.start
+    return np.asarray(task.starts(find_optimum(task, np.random.default_rng(0), draws=0).p)[0])
 
 
 def _named(say: Report, name: str) -> Report:
@@ -110,5 +120,5 @@ def _together(task: Fit, found: Sequence[tuple[Fit, np.ndarray]]) -> np.ndarray:
 
 def _order(task: Fit) -> list[int]:
     """For each parameter the log that it belongs to; -1 for those of all logs."""
-    n = len(task.rig.robot.drives)
+    n = len(task.rig.robot.drives) * len(STARTS)
     return [-1] * len(task.shared) + [k for k in range(len(task.logs)) for _ in range(n)]

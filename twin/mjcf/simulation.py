@@ -45,11 +45,12 @@ class Rig:
                 out[:, places] = values[:, [j]]
         return out
 
-    def run(self, values: np.ndarray, u: np.ndarray, Ts: float, first: np.ndarray) -> np.ndarray:
+    def run(self, values: np.ndarray, u: np.ndarray, Ts: float, start: np.ndarray) -> np.ndarray:
         """Readings (runs, N, drives) for parameters (runs, P) and commands u (N, drives), in rad or m.
 
-        A command is held from t = k Ts to the next, and reaches the actuator a delay later; the first one was there
-        before. The drives begin at rest where the encoders read `first` (runs, drives). A row of NaN is a failed run.
+        A command is held from t = k Ts to the next, and reaches the actuator a delay later. `start` (runs, 3, drives)
+        has the first reading of each encoder, the speed then, and the command that was held before. A row of NaN is a
+        failed run.
         """
         model, drives, runs = self.robot.model, self.robot.drives, len(values)
         h, (N, _) = model.opt.timestep, u.shape
@@ -57,11 +58,12 @@ class Rig:
         batch = Batch(model, runs, self.threads or available_cores())
         batch.set_models([self.model(row) for row in values])
         qpos = np.tile(model.qpos0, (runs, 1))
-        qpos[:, places] = first - bias
+        qpos[:, places] = start[:, 0] - bias
         batch.qpos = qpos
-        filtered = [(drive.act, u[0, k]) for k, drive in enumerate(drives) if drive.act >= 0]
-        for place, command in filtered:
-            batch.act[:, place] = command
+        batch.qvel[:, [drive.dof for drive in drives]] = start[:, 1]
+        for k, drive in enumerate(drives):
+            if drive.act >= 0:
+                batch.act[:, drive.act] = start[:, 2, k]
         instants = np.arange(N) * Ts / h
         previous = np.floor(instants + 1e-6).astype(int)  # rounding must not take a sample for one a step earlier
         share = np.clip(instants - previous, 0.0, 1.0)
@@ -71,23 +73,26 @@ class Rig:
         delays = self.of_kind("delay", values)
         block = max(BLOCK // (8 * runs * (model.nu + model.nq)), 1)
         alive = np.ones(runs, dtype=bool)
-        for start in range(0, steps, block):
-            stop = min(start + block, steps)
-            control = self._control(u, Ts, delays, np.arange(start, stop + 1) * h)
+        for begin in range(0, steps, block):
+            stop = min(begin + block, steps)
+            control = self._control(u, Ts, delays, np.arange(begin, stop + 1) * h, start[:, 2] - u[0])
             try:
-                batch.rollout(stop - start, control, out=(out := {"qpos": np.empty((runs, stop - start, model.nq))}))
+                batch.rollout(stop - begin, control, out=(out := {"qpos": np.empty((runs, stop - begin, model.nq))}))
             except SimulationError as error:  # the others ran to the end
                 alive[error.ids] = False
-            track[:, start + 1 : stop + 1] = out["qpos"][:, :, places]
+            track[:, begin + 1 : stop + 1] = out["qpos"][:, :, places]
         alive &= ~batch.warning[:, :, WARNINGS].any(axis=1)
         track[~alive] = np.nan
         y = track[:, previous] * (1.0 - share)[:, None] + track[:, previous + 1] * share[:, None] + bias[:, None]
         return _play(y, self.of_kind("backlash", values))
 
-    def _control(self, u: np.ndarray, Ts: float, delays: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    def _control(
+        self, u: np.ndarray, Ts: float, delays: np.ndarray, edges: np.ndarray, earlier: np.ndarray
+    ) -> np.ndarray:
         """Commands (runs, steps, nu) between times `edges` (steps + 1,) [s]: the mean of the held one, a delay earlier.
 
-        The mean makes the response a continuous function of the delay.
+        The mean makes the response a continuous function of the delay. `earlier` (runs, drives) is what the commands
+        were more before the first.
         """
         out = np.zeros((len(delays), len(edges) - 1, self.robot.model.nu))
         knots = np.concatenate([[-1.0], np.arange(len(u) + 1) * Ts, [len(u) * Ts + 1.0]])
@@ -97,6 +102,8 @@ class Rig:
             for delay in np.unique(delays[:, k]):
                 mean = np.diff(np.interp(edges - delay, knots, total)) / np.diff(edges)
                 out[delays[:, k] == delay, :, drive.ctrl] = mean
+            before = np.clip((delays[:, [k]] - edges[:-1]) / np.diff(edges), 0.0, 1.0)  # share of the step
+            out[:, :, drive.ctrl] += earlier[:, [k]] * before
         return out
 
 
@@ -110,6 +117,6 @@ def _play(y: np.ndarray, width: np.ndarray) -> np.ndarray:
     return out
 
 
-def free_run(rig: Rig, values: np.ndarray, u: np.ndarray, Ts: float, first: np.ndarray) -> np.ndarray:
-    """Readings (N, drives) of one run with `values` (P,), from encoders that read `first` (drives,)."""
-    return rig.run(np.atleast_2d(values), u, Ts, first[None])[0]
+def free_run(rig: Rig, values: np.ndarray, u: np.ndarray, Ts: float, start: np.ndarray) -> np.ndarray:
+    """Readings (N, drives) of one run with `values` (P,), from `start` (3, drives), see `Rig.run`."""
+    return rig.run(np.atleast_2d(values), u, Ts, start[None])[0]
