@@ -20,7 +20,7 @@ EDGE = Value("thigh.asymmetry", "1", 0.1, 0.1, 0.9, 0.88, 0.9, 0.1)
 ABSENT = Value("thigh.stribeck", "1", 0.3, 0.3, 0.0, 0.0, 0.1, 0.5)  # 0 is an effect that is not there
 
 
-def result(*values, correlation=None):
+def result(*values, correlation=None, logs=("a.csv",)):
     n = len(values)
     return SimpleNamespace(
         joint="thigh",
@@ -28,6 +28,8 @@ def result(*values, correlation=None):
         correlation=np.eye(n) if correlation is None else np.array(correlation),
         found=SimpleNamespace(stop=SimpleNamespace(iterations=7), descents=1, late=False),
         agreements=(),
+        by_run={},
+        typical={},
         differing=[],
         converged=True,
         reason="small steps",
@@ -35,7 +37,7 @@ def result(*values, correlation=None):
         scores=(),
         level=0.95,
         fixed={"thigh.stroke": "No log rests there."},
-        provenance={"logs": ["a.csv"], "without": []},
+        provenance={"logs": logs, "without": []},
         moved=("thigh.stroke",),
         parameters=twin.Parameters({"thigh.coulomb": 17.9, "thigh.stroke": 0.07}),
     )
@@ -71,12 +73,12 @@ def test_values_that_act_alike_are_named_in_pairs():
 
 
 def test_the_next_step_is_not_to_use_the_file():
-    step = advice.next_step(result(SURE, WIDE), "'my log.csv'")
+    step = advice.next_step(result(SURE, WIDE, logs=["my log.csv"]))
     assert step.startswith(
         "Next: qpal calibrate 'my log.csv' --joint thigh --fix coulomb; or, to determine them: let it"
     )
-    assert "--fix" not in advice.next_step(result(WIDE), "a.csv")  # nothing would be left
-    assert advice.next_step(result(SURE), "a.csv") == ""
+    assert "--fix" not in advice.next_step(result(WIDE))  # nothing would be left
+    assert advice.next_step(result(SURE)) == ""
 
 
 def test_the_file_says_it_beside_each_value(tmp_path):

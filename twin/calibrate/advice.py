@@ -1,6 +1,9 @@
 """What to do with a calibration: values that the logs do not determine, what to record, and the file of parameters."""
 
 import math
+import shlex
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -64,7 +67,17 @@ def sentences(result: Calibration) -> list[str]:
     return texts
 
 
-def next_step(result: Calibration, files: str) -> str:
+def again(result: Calibration, fix: Sequence[str] = (), by_run: Sequence[str] = ()) -> str:
+    """The command of the same calibration with more rows fixed, or with a value of their own in each log."""
+    plain = ["qpal", "calibrate", *result.provenance["logs"], "--joint", result.joint]
+    words = [result.provenance.get("command") or shlex.join(plain)]
+    known = result.provenance.get("fixed", ())
+    for option, rows in (("--by-run", (*result.by_run, *by_run)), ("--fix", (*known, *fix))):
+        words += [option, ",".join(row.rpartition(".")[2] for row in rows)] if rows else []
+    return " ".join(words)
+
+
+def next_step(result: Calibration) -> str:
     """What to do about values that are not determined; empty if all are."""
     reasons = undetermined_rows(result)
     if not reasons:
@@ -72,8 +85,7 @@ def next_step(result: Calibration, files: str) -> str:
     record = "; ".join(dict.fromkeys(what_to_record(result.joint, name) for name in reasons))
     if useless(result):
         return f"Next, to determine them: {record}"
-    short = ",".join(name.rpartition(".")[2] for name in reasons)
-    return f"Next: qpal calibrate {files} --joint {result.joint} --fix {short}; or, to determine them: {record}"
+    return f"Next: {again(result, fix=list(reasons))}; or, to determine them: {record}"
 
 
 _ENDS = (
@@ -116,13 +128,33 @@ def what_to_record(joint: str, row: str) -> str:
     return _ADVICE.get(row.rpartition(".")[2], _ANY).format(joint=joint)
 
 
+def file_of_log(calibration: Calibration, k: int) -> str:
+    """The name of the file with the values of log number k."""
+    return f"{calibration.joint}-{Path(calibration.provenance['logs'][k]).stem}.toml"
+
+
 def write(calibration: Calibration, path: str | Path) -> Path:
-    """Write every row that differs from nominal as TOML; `twin.parameter_file.read` gives back every bit."""
-    comments = {value.name: comment(value, calibration.level) for value in calibration.values}
+    """Write every row that differs from nominal as TOML; `twin.parameter_file.read` gives back every bit.
+
+    Rows with a value in each log have the mean over those that agree, and a file beside `path` for each log.
+    """
+    logs, path = calibration.provenance["logs"], Path(path)
+    means = {
+        row: f"{ROWS[row].unit}; mean over {', '.join(logs[k] for k in which)}"
+        for row, which in calibration.typical.items()
+    }
+    for k in range(len(logs)) if means else ():
+        own = {row: comment(calibration.by_run[row][k], calibration.level) for row in means}
+        _write(replace(calibration, parameters=calibration.of_log(k)), path.with_name(file_of_log(calibration, k)), own)
+    return _write(calibration, path, means)
+
+
+def _write(calibration: Calibration, path: Path, by_run: dict[str, str]) -> Path:
+    comments = {value.name: comment(value, calibration.level) for value in calibration.values} | by_run
     comments |= {
         row: f"{ROWS[row].unit}; not calibrated, set beyond the angles of the logs" for row in calibration.moved
     }
-    return write_text(Path(path), to_toml(calibration.parameters, _head(calibration), comments))
+    return write_text(path, to_toml(calibration.parameters, _head(calibration), comments))
 
 
 def comment(value: Value, level: float) -> str:

@@ -24,7 +24,9 @@ class Agreement:
     `told`: whether a run says more of it than was plausible before (runs,). `chance`: probability of such differences
     between runs of one leg, from the size `squares` of the differences over their errors. `differ`: they are no chance,
     over all parameters together, and move a response by more than matters. `odd`: number of the run that is farthest
-    from the others, None without a difference or with two runs; `rest_agrees`: whether the others agree.
+    from the others, None without a difference or with two runs; `rest_agrees`: whether the others agree. A value that
+    was searched as the cause (`twin.calibrate.rivals`) leaves residuals `rms` [rad], is `behind` the best in log
+    likelihood, and is a `rival` if that leaves it possible.
     """
 
     name: str
@@ -39,6 +41,9 @@ class Agreement:
     differ: bool
     odd: int | None = None
     rest_agrees: bool = True
+    rms: float | None = None
+    behind: float = np.inf
+    rival: bool = False
 
 
 def agreement(
@@ -140,3 +145,12 @@ def _differences(steps: np.ndarray, sampling: np.ndarray) -> tuple[float, float]
         return 0.0, 1.0
     squares = float(np.sum((vectors[:, seen].T @ contrasts @ steps) ** 2 / values[seen]))
     return squares, float(chi2.sf(squares, seen.sum()))
+
+
+def agreeing(steps: np.ndarray, covariance: np.ndarray) -> list[int]:
+    """The runs whose values (runs,) agree, without those that are odd; all of them if no more than half agree."""
+    kept = list(range(len(steps)))
+    while len(kept) > 1 and _differences(steps[kept], covariance[np.ix_(kept, kept)])[1] < CHANCE:
+        rests = [[k for k in kept if k != odd] for odd in kept]
+        kept = min(rests, key=lambda rest: _differences(steps[rest], covariance[np.ix_(rest, rest)])[0])
+    return kept if 2 * len(kept) > len(steps) else list(range(len(steps)))

@@ -16,7 +16,8 @@ from twin.calibrate.identifiability import tell
 from twin.calibrate.leg import DELAY, OFFSET, ROWS, ZERO, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Simulations
 from twin.calibrate.result import LEVEL, Calibration, Value
-from twin.calibrate.runs import free_runs, score, with_bands
+from twin.calibrate.rivals import explained
+from twin.calibrate.runs import columns_by_run, free_runs, score, typical_logs, with_bands, with_reference
 from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
 from twin.follow import VISIBLE
@@ -110,11 +111,14 @@ def calibrate(
         e, J = task.linearise(optimum.p)
         size, cov, lacking = _covariance(wide, task, optimum, e, J, unsure)
         agreements = agreement(task, optimum.p, e, J, level, VISIBLE, None if ZERO in daily else OFFSET)
+        agreements = explained(task, optimum.p, e, J, agreements, OFFSET, limits, say)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
-        runs_values = _values_by_run(task, optimum, cov, J, size, base, level)
+        own = {row: _values(task, optimum, cov, J, size, base, level, js) for row, js in columns_by_run(task).items()}
+        runs_values = with_reference(own)
+        typical = typical_logs(task, optimum.p, cov)
         found = dict(zip(free_rows, task.values(optimum.p), strict=False))
-        means = {row: float(np.mean([v.value for v in each])) for row, each in runs_values.items() if row != ZERO}
+        means = {row: float(np.mean([runs_values[row][k].value for k in logs])) for row, logs in typical.items()}
         parameters = _as_board_sees(initial.replace(found | means))
         runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, means, logs, held_out, labels)
         runs = with_bands(runs, lacking, wide, wide_leg, _wide_point(wide, task, optimum.p), held_out, level)
@@ -156,6 +160,7 @@ def calibrate(
         moved_rows,
         agreements,
         runs_values,
+        typical,
     )
 
 
@@ -295,26 +300,6 @@ def _values(
         nominal, noise_share = 0.0 if f.name == ZERO else base[f.name], float(np.sqrt(white[j] / cov[j, j]))
         out.append(Value(f.name, f.unit, nominal, f.start, value, low, high, noise_share))
     return tuple(out)
-
-
-def _values_by_run(
-    task: Simulations,
-    optimum: Optimum,
-    cov: np.ndarray,
-    J: np.ndarray,
-    size: discrepancy.Sizes,
-    base: Parameters,
-    level: float,
-) -> dict[str, tuple[Value, ...]]:
-    """The values of each row that every run has of its own, in the order of the runs; the first run's zero is 0."""
-    columns: dict[str, list[int]] = {}
-    for indices in task.own:
-        for j in indices[1:]:  # the first one is the start
-            columns.setdefault(task.free[j].name, []).append(int(j))
-    found = {row: _values(task, optimum, cov, J, size, base, level, js) for row, js in columns.items()}
-    if ZERO in found:
-        found[ZERO] = (Value(ZERO, "rad", 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), *found[ZERO])
-    return found
 
 
 def _verdict(optimum: Optimum, e: np.ndarray, J: np.ndarray, cov: np.ndarray, seconds: float) -> tuple[bool, str]:

@@ -71,7 +71,7 @@ class Calibration:
 
     `moved` are rows that are not calibrated and differ from what was given: ends, out of the way of the logs.
     `agreements`: whether the logs agree, for each value that they share; `by_run`: the values of those that they do not
-    share, log by log, of which `parameters` has the mean.
+    share, log by log, of which `parameters` has the mean over the logs that agree, `typical`.
     """
 
     joint: str
@@ -92,11 +92,16 @@ class Calibration:
     moved: tuple[str, ...] = ()
     agreements: tuple[Agreement, ...] = ()
     by_run: Mapping[str, tuple[Value, ...]] = field(default_factory=dict)
+    typical: Mapping[str, list[int]] = field(default_factory=dict)
+
+    def of_log(self, k: int) -> Parameters:
+        """The twin in log number k, with what is this log's own but the zero of its sensor."""
+        return self.parameters.replace({row: self.by_run[row][k].value for row in self.typical})
 
     @property
     def differing(self) -> list[Agreement]:
         """The values in which the logs differ, the one that explains it best first."""
-        return sorted((row for row in self.agreements if row.differ), key=lambda row: -row.squares)
+        return sorted((row for row in self.agreements if row.differ), key=lambda row: (row.behind, -row.squares))
 
     def as_dict(self) -> dict[str, Any]:
         """Values, scores and provenance, ready for JSON."""

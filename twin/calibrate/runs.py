@@ -1,18 +1,40 @@
-"""Free runs of the uncalibrated and of the calibrated twin over all logs of a calibration, and their scores."""
+"""The runs of a calibration: what each has of its own, free runs of the twin before and after, and their scores."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from twin.calibrate.agreement import agreeing
 from twin.calibrate.band import Lack
-from twin.calibrate.leg import Leg
+from twin.calibrate.leg import ZERO, Leg
 from twin.calibrate.problem import Record, Simulations
-from twin.calibrate.result import Run, Score
+from twin.calibrate.result import Run, Score, Value
 from twin.calibrate.search import Optimum
 from twin.log import Log
 
 FIRST = 3  # samples that give the first angle of a log
+
+
+def columns_by_run(task: Simulations) -> dict[str, list[int]]:
+    """The columns of each row that every run has of its own, in the order of the runs."""
+    columns: dict[str, list[int]] = {}
+    for indices in task.own:
+        for j in indices[1:]:  # the first one is the start
+            columns.setdefault(task.free[j].name, []).append(int(j))
+    return columns
+
+
+def typical_logs(task: Simulations, p: np.ndarray, cov: np.ndarray) -> dict[str, list[int]]:
+    """The runs that agree in each row that they have of their own, at p (n,) with covariance (n, n)."""
+    columns = columns_by_run(task)
+    return {row: agreeing(p[js], cov[np.ix_(js, js)]) for row, js in columns.items() if row != ZERO}
+
+
+def with_reference(values: Mapping[str, tuple[Value, ...]]) -> dict[str, tuple[Value, ...]]:
+    """The values by run, in which the first run's zero is the reference of the others."""
+    first = Value(ZERO, "rad", 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    return {row: (first, *each) if row == ZERO else each for row, each in values.items()}
 
 
 def free_runs(
@@ -28,7 +50,7 @@ def free_runs(
     """Free runs of the uncalibrated and the calibrated twin over all logs.
 
     The uncalibrated twin and held-out logs start at the log's first angle. What each run has of its own, a held-out log
-    takes from the `means` of the runs.
+    takes from the `means` of the runs that agree.
     """
     values, n_shared, out = task.values(optimum.p), len(task.shared), []
     own = np.array([means[row] for row in calibrated_leg.by_run if row in means])

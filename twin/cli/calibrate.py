@@ -1,6 +1,7 @@
 """`qpal calibrate`: the twin's parameters from logs of the leg, or those of a user's MJCF from logs of its joints."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -109,14 +110,29 @@ def calibrate(
             seconds=limit,
             by_run=options.names(by_run),
         )
+        given = {
+            "--joint": joint,
+            "--params": params,
+            "--free": free,
+            "--hold-out": hold_out,
+            "--without": without,
+            "--pot-side": pot_side,
+            "--realisation": realisation,
+            "--map": map,
+        }
+        words = [word for option, value in given.items() if value for word in (option, value)]
+        command = shlex.join(["qpal", "calibrate", *files, *words])
+        result = replace(result, provenance={**result.provenance, "command": command})
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}
         write(scratch, report.page(result), summary)
         advice.write(result, scratch / target.name)
     sentences = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
-    next_step = advice.next_step(result, shlex.join(files)) or (
-        f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
-    )
+    use = f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
+    if result.typical:
+        own = folder / advice.file_of_log(result, 0)
+        use = f"Next, each log has a file: qpal compare {shlex.quote(files[0])} --joint {joint} --params {own}"
+    next_step = advice.next_step(result) or use
     sentences += [] if result.differing else [next_step]  # a value that differs between logs comes first
     console.finish(folder, summary, as_json, report.tables(result), sentences)
     return 0 if result.converged and not advice.useless(result) else 1

@@ -1,23 +1,26 @@
 """Whether the logs of a calibration agree: in words, as a table, and as a forest plot of values by log."""
 
-import shlex
-
 import numpy as np
 
 from sysid.base import style
 from sysid.base.quantities import display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.report.page import Grid, Picture, Section
+from twin.calibrate import advice
 from twin.calibrate.agreement import Agreement
 from twin.calibrate.result import Calibration, Value
 from twin.follow import VISIBLE
 
+_LEAST = 1e-4  # a smaller probability is not told
 _CAPTION = (
     "In each panel this value alone differs between the logs, with 95 % intervals; the line is the value of all logs. "
     "The panel that explains the differences best comes first. Logs of one leg scatter about the line by no more than "
     "their intervals. A log without a mark does not tell the value."
 )
-_BY_LOG = "Parameters with a value of their own in each log, with 95 % intervals; the file has their mean."
+_BY_LOG = (
+    "Parameters with a value of their own in each log, with 95 % intervals. The joint's file has the mean over the "
+    "logs that agree (over all, if no more than half agree); a file for each log has its own."
+)
 
 
 def section(result: Calibration) -> list[Section]:
@@ -41,11 +44,14 @@ def sentences(result: Calibration) -> list[str]:
         ]
     first, *rest = result.differing
     texts = [_of_difference(first, logs)]
-    if rest:
-        texts.append(f"Differences in {', '.join(row.name for row in rest)} would explain it less well.")
-    daily = ",".join(row.rpartition(".")[2] for row in (*result.by_run, first.name))
-    command = f"qpal calibrate {shlex.join(logs)} --joint {result.joint} --by-run {daily}"
-    return [*texts, f"Next: {command} gives each log its own."]
+    names = {True: [row.name for row in rest if row.rival], False: [row.name for row in rest if not row.rival]}
+    if names[True]:
+        texts.append(
+            f"Differences in {' or '.join(names[True])} explain it about as well: these logs do not show which."
+        )
+    if names[False]:
+        texts.append(f"Differences in {', '.join(names[False])} explain it less well.")
+    return [*texts, f"Next, a value for each log: {advice.again(result, by_run=[first.name])}"]
 
 
 def _of_difference(row: Agreement, logs: list[str]) -> str:
@@ -57,6 +63,8 @@ def _of_difference(row: Agreement, logs: list[str]) -> str:
         if told
     )
     text = f"The logs do not agree: {row.name}{f' [{q.unit}]' if q.unit else ''} is {listing} ({_chance(row.chance)})."
+    if row.rms is not None:
+        text += f" With these values {number(np.degrees(row.rms), 2)} deg RMS of the angle are left."
     if row.odd is None:
         return text
     rest = "without it the others agree" if row.rest_agrees else "the others do not agree either"
@@ -64,7 +72,7 @@ def _of_difference(row: Agreement, logs: list[str]) -> str:
 
 
 def _chance(chance: float) -> str:
-    return "probability by chance " + ("below 0.0001" if chance < 1e-4 else number(chance, 2))
+    return f"probability by chance {'below ' * (chance < _LEAST)}{number(max(chance, _LEAST), 2)}"
 
 
 def grid(result: Calibration) -> Grid:
@@ -76,7 +84,8 @@ def grid(result: Calibration) -> Grid:
         values += [
             number(q.factor * float(v) if told else None, 4) for v, told in zip(row.values, row.told, strict=True)
         ]
-        rows.append((row.name, q.unit or "–", *values, number(row.chance, 2), "yes" if row.differ else "no"))
+        chance = f"< {_LEAST}" if row.chance < _LEAST else number(row.chance, 2)
+        rows.append((row.name, q.unit or "–", *values, chance, "yes" if row.differ else "no"))
     headings = ("parameter", "unit", "all", *result.provenance["logs"], "chance", "differ")
     return Grid(headings, rows, text_columns=2, last_text=True)
 
@@ -100,17 +109,19 @@ def _cell(value: Value, factor: float) -> str:
 def figure(result: Calibration) -> Figure:
     """One panel for each shared value: the logs' own values with intervals about the common one."""
     logs = result.provenance["logs"]
-    panels = [_panel(row, logs) for row in sorted(result.agreements, key=lambda row: -row.squares)]
+    order = [*result.differing, *sorted((row for row in result.agreements if not row.differ), key=lambda r: -r.squares)]
+    odd = order[0].odd
+    panels = [_panel(row, logs, odd) for row in order if np.any(row.told)]
     rows = -(-len(panels) // 2)
     return Figure(panels, columns=2, shared=False, height=0.8 + rows * (1.1 + 0.22 * len(logs)), legend="below")
 
 
-def _panel(row: Agreement, logs: list[str]) -> Panel:
+def _panel(row: Agreement, logs: list[str], odd: int | None) -> Panel:
     q = display_quantity(row.name, row.unit)
     value, low, high = (q.factor * row.values, q.factor * row.low, q.factor * row.high)
     items: list[Item] = [Rule(q.factor * row.value, dash="dash", label="all logs")]
-    for odd, colour, label in ((False, style.INPUT, "one log, 95 % interval"), (True, style.MODEL, "odd log")):
-        places = [k for k in range(len(logs)) if row.told[k] and (k == row.odd) == odd]
+    for is_odd, colour, label in ((False, style.INPUT, "one log, 95 % interval"), (True, style.MODEL, "odd log")):
+        places = [k for k in range(len(logs)) if row.told[k] and (k == odd) == is_odd]
         if places:
             ends = low[places].tolist(), high[places].tolist()
             items.append(Ranges(places, value[places].tolist(), *ends, label, colour=colour))

@@ -61,6 +61,8 @@ _INTERVALS = (
 )
 _LEFT = "A residual that repeats with place and direction belongs to an effect that the twin does not have."
 
+_ONE_LEG = "The values below take the logs for those of one leg: use them after the next step."
+
 
 def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
@@ -68,8 +70,7 @@ def sentences(result: Calibration) -> list[str]:
     end = "made" if result.found.late else end  # its reason is that it was stopped
     runs = agreement.sentences(result)
     texts = [
-        *(runs if result.differing else []),
-        *advice.sentences(result),
+        *([*runs[:-1], _ONE_LEG, runs[-1]] if result.differing else advice.sentences(result)),
         f"The search {end} {result.found.stop.iterations} iterations: {result.reason}.",
     ]
     if result.next_step():

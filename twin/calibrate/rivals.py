@@ -1,0 +1,112 @@
+"""Which value differs between runs: the search again with each candidate's own value in each run.
+
+One step from the common value, as in `twin.calibrate.agreement`, does not tell apart values that act alike: where a
+motor is weak, friction and speed by voltage. After a search the one that is the cause leaves less.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.solver.iterate import Options, iterate
+from sysid.solver.searches import search
+from twin.calibrate import discrepancy
+from twin.calibrate.agreement import Agreement
+from twin.calibrate.problem import Free, Record, Simulations
+
+MOST = 3  # candidates that are searched, each in about a quarter of the time of a calibration
+ITERATIONS = 5
+ODDS = 20.0  # to one: a candidate less likely than the best by more than this is no rival
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A calibration in which one value differs between runs: its values (runs,), residuals RMS [rad], likelihood."""
+
+    values: np.ndarray
+    rms: float
+    likelihood: float
+
+
+def explained(
+    task: Simulations,
+    p: np.ndarray,
+    e: np.ndarray,
+    J: np.ndarray,
+    rows: Sequence[Agreement],
+    offset: Free,
+    options: Options,
+    say: Callable[[str], None] = lambda text: None,
+) -> tuple[Agreement, ...]:
+    """The `rows` of `agreement` at p (n,), with e (N,) and J (N, n), those that may be the cause with values searched.
+
+    `offset` is the parameter of the reading. The most likely is the `cause`; others within `ODDS` of it are its rivals.
+    """
+    candidates = sorted((row for row in rows if row.differ), key=lambda row: -row.squares)[:MOST]
+    found = dict[str, Rival]()
+    for row in candidates:
+        say(f"{row.name} of its own in each log")
+        found[row.name] = _search(*split(task, p, J, row.name, offset), replace(options, max_iterations=ITERATIONS))
+    best = max((rival.likelihood for rival in found.values()), default=0.0)
+    return tuple(
+        row if (rival := found.get(row.name)) is None else _with(row, rival, best - rival.likelihood) for row in rows
+    )
+
+
+def _with(row: Agreement, rival: Rival, behind: float) -> Agreement:
+    """The row with the values of the search, about which its intervals are as wide as before."""
+    moved = rival.values - row.values
+    return replace(
+        row,
+        values=rival.values,
+        low=row.low + moved,
+        high=row.high + moved,
+        rms=rival.rms,
+        behind=behind,
+        rival=behind <= np.log(ODDS),
+    )
+
+
+def split(task: Simulations, p: np.ndarray, J: np.ndarray, name: str, offset: Free) -> tuple[Simulations, np.ndarray]:
+    """The same problem with an own value of `name` in each run, and its coordinates at p; `offset` if none shares it.
+
+    Its simulations and its Jacobian at p are those of `task`.
+    """
+    names = [free.name for free in task.shared]
+    j = names.index(name) if name in names else None
+    free = offset if j is None else task.shared[j]
+    kept = [i for i in range(len(names)) if i != j]
+    records = [_with_own(record, free, j) for record in task.records]
+    problem = Simulations([task.shared[i] for i in kept], records, task.noise)
+    column, value, step = (np.full(len(J), offset.scale), 0.0, 0.05) if j is None else (J[:, j], p[j], task.steps[j])
+    start, slopes, steps = p[kept], [J[:, kept]], task.steps[kept]
+    runs = np.repeat(np.arange(len(task.records)), task.lengths)
+    for k, own in enumerate(task.own):
+        start = np.concatenate([start, p[own], [value]])
+        steps = np.concatenate([steps, task.steps[own], [step]])
+        slopes += [J[:, own], (column * (runs == k))[:, None]]
+    problem.steps = steps
+    problem.take_over(start, task.responses_at(p), np.hstack(slopes))
+    return problem, start
+
+
+def _with_own(record: Record, free: Free, j: int | None) -> Record:
+    """The record with one more own parameter, the shared one at `j` or, if None, an offset of its response."""
+
+    def respond(values: np.ndarray) -> np.ndarray:
+        if j is None:
+            return record.respond(values[:, :-1]) + values[:, -1:]
+        return record.respond(np.insert(values[:, :-1], j, values[:, -1], axis=1))
+
+    return replace(record, respond=respond, own=(*record.own, free))
+
+
+def _search(problem: Simulations, start: np.ndarray, options: Options) -> Rival:
+    """A few iterations from the common value."""
+    p = iterate(problem, start, search("trust_region"), options, None).p
+    e, J = problem.linearise(p)
+    steps, scored = [r.Ts for r in problem.records], np.concatenate([r.scored for r in problem.records])
+    _, size = discrepancy.estimate(e, J, problem.responses_at(p), steps, scored)
+    values = problem.values(p)[[own[-1] for own in problem.own]]
+    return Rival(values, float(np.sqrt(np.mean(e**2))), size.likelihood)
