@@ -132,6 +132,47 @@ def test_a_log_that_shows_nothing_determines_nothing(folder):
     assert {f"{KNEE}.armature", f"{KNEE}.damping", "delay"} <= names
 
 
+def test_what_a_log_does_not_tell_stays_as_the_robot_has_it(folder, tmp_path):
+    """A slow log with much noise tells the hip's friction, and nothing of its damping and of the delay."""
+    rng, t = np.random.default_rng(12), np.arange(1500) * TS
+    (tmp_path / "robot.xml").write_text(PENDULUM.replace('name="hip" ', 'name="hip" damping="0.31" '))
+    u = np.column_stack([chirp(t, 0.05, 0.1, 0.1), chirp(t, 0.02, 0.1, 0.1)])
+    y = record(PENDULUM, TRUTH, (HIP, KNEE), u, TS, 5e-3, rng)
+    result = calibration.calibrate(robot.read(tmp_path / "robot.xml", (HIP, KNEE)), [logs.RobotLog("slow", u, y, TS)])
+    assert {name for name in (f"{HIP}.damping", "delay") if result[name].determined} == set()
+    assert result[f"{HIP}.frictionloss"].determined
+    writing.write(result, tmp_path)
+    hip = mujoco.MjModel.from_xml_path(str(tmp_path / "robot-calibrated.xml")).joint("hip")
+    assert (hip.damping[0], hip.frictionloss[0] > 0.0) == (0.31, True)
+    assert "delay=" not in (tmp_path / "changes.diff").read_text()
+    table = tomllib.loads((tmp_path / "ranges.toml").read_text())
+    row = next(row for row in table["parameter"] if row["name"] == f"{HIP}.damping")
+    assert (row["value"], row["determined"], "mean" in row) == (0.31, False, False)
+    assert table["joint"]["names"] == [value.name for value in result.values if value.determined]
+
+
+def test_lost_readings_and_spikes_are_left_out_and_named(folder, tmp_path):
+    """Also in a log that is held out; a pulse that lasts is the joint's."""
+    rig, columns = robot.read(folder / "robot.xml", (HIP, KNEE)), (COLUMNS[1], COLUMNS[3])
+    for name in ("chirp.csv", "steps.csv"):
+        lines = (folder / name).read_text().splitlines()
+        cells = [line.split(",") for line in lines]
+        for row, value in ((301, "200"), (801, "-90"), (900, "")):  # row 0 is the header
+            cells[row][3] = value
+        (tmp_path / name).write_text("\n".join(map(",".join, cells)))
+    used, held = (logs.read(str(tmp_path / name), rig, *columns) for name in ("chirp.csv", "steps.csv"))
+    result = calibration.calibrate(rig, [used], [held])
+    for name, n in (("chirp.csv", 1500), ("steps.csv", 1000)):
+        assert [text for text in result.remarks if text.startswith(name)] == [
+            f"{name}: 1 of {n} readings of {HIP} are missing and were left out (row 900).",
+            f"{name}: 2 of {n} readings of {HIP} leave their neighbours and come back at once, which no joint does, "
+            "and were left out (rows 301, 801).",
+        ]
+    for name, truth in TRUTH.items():
+        assert abs(result[name].value - truth) < max(0.02 * abs(truth), 3.0 * result[name].std), name
+    assert max(run.rms("after") for run in result.runs) < 1.1e-3
+
+
 def test_gains_and_a_play_are_found(folder):
     rng, truth = np.random.default_rng(3), {**TRUTH, "hip_servo.kp": 40.0}
     u = levels(rng, 2, 1500, 100)

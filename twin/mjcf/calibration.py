@@ -14,21 +14,23 @@ from sysid.solver.iterate import Options
 from twin.calibrate.search import USUAL as USUAL_SEARCH
 from twin.calibrate.search import Optimum
 from twin.mjcf.logs import RobotLog
-from twin.mjcf.parameters import USUAL, parameters
+from twin.mjcf.parameters import USUAL, Parameter, parameters
 from twin.mjcf.problem import Fit
 from twin.mjcf.robot import Robot
+from twin.mjcf.samples import sentences, without_spikes
 from twin.mjcf.search import find_posterior, start_of
 from twin.mjcf.simulation import Rig, free_run
 
 LEVEL = 0.95
-BIT = 0.5  # of the prior's deviation: a wider posterior has learned less than one bit, and the value is not determined
+LEAST_BITS = 1.0  # log2 of the prior's deviation by the posterior's: a value of which less is learned is not determined
 
 
 @dataclass(frozen=True)
 class Value:
     """A parameter: the model's value, the calibrated one with its interval and standard deviation [unit].
 
-    `learned` [bit] is log2 of the prior's deviation by the posterior's; below 1 the value is not determined.
+    `learned` [bit] is log2 of the prior's deviation by the posterior's; below 1 the value is not determined: it stays
+    that of the model, and the interval is what the logs leave of what was plausible before.
     """
 
     name: str
@@ -75,21 +77,27 @@ class Run:
 
 @dataclass(frozen=True)
 class RobotCalibration:
-    """Calibrated joints: values, their covariance (P, P) [units], free runs, and how the search ended."""
+    """Calibrated joints: values, free runs, and how the search ended.
+
+    The parameters of `rig` are those that are determined, with the `covariance` (P, P) [units]; `values` are those of
+    all `parameters`. `remarks` say what of the logs was not used.
+    """
 
     robot: Robot
     rig: Rig
+    parameters: tuple[Parameter, ...]
     values: tuple[Value, ...]
     covariance: np.ndarray
     runs: tuple[Run, ...]
     optimum: Optimum
     noise: np.ndarray
     simulations: int
+    remarks: tuple[str, ...] = ()
 
     @property
     def numbers(self) -> np.ndarray:
-        """The values (P,) [units]."""
-        return np.array([value.value for value in self.values])
+        """The determined values (P,) [units]."""
+        return np.array([value.value for value in self.determined])
 
     @property
     def determined(self) -> tuple[Value, ...]:
@@ -114,7 +122,7 @@ class RobotCalibration:
         return {
             "model": str(self.robot.path),
             "drives": [{"actuator": d.name, "joint": d.joint, "unit": d.unit} for d in self.robot.drives],
-            "notes": list(self.robot.notes),
+            "notes": [*self.robot.notes, *self.remarks],
             "converged": self.optimum.stop.converged,
             "reason": self.optimum.stop.reason,
             "usable": self.usable,
@@ -149,28 +157,38 @@ def calibrate(
     """Fit the parameters `names` (kinds, see `twin.mjcf.parameters`) of the robot's drives to `logs`, in free run.
 
     The estimate is the maximum of the posterior. Its covariance is H^-1 (S + P) H^-1 with H = J'J + P, the precision P
-    of the priors, and the long-run covariance S of the scores J'e, so that residuals may be coloured. After `seconds`
-    the search ends with the best so far. Raises InputError for unknown kinds, for no log, and for a model that cannot
-    be simulated from the logs.
+    of the priors, and the long-run covariance S of the scores J'e, so that residuals may be coloured. What the logs do
+    not determine stays as the model has it, and the others are searched again beside that. After `seconds` the search
+    ends with the best so far. Raises InputError for unknown kinds, for no log, and for a model that cannot be simulated
+    from the logs.
     """
     say = progress or (lambda text: None)
     if not logs:
         raise InputError("there is no log to calibrate from; give at least one")
-    rig = Rig(robot, parameters(robot, names), threads)
+    every = parameters(robot, names)
+    rig, rng = Rig(robot, every, threads), np.random.default_rng(seed)
     limits = replace(USUAL_SEARCH, max_seconds=seconds, deadline=Options(max_seconds=seconds).begun().deadline)
     with one_blas_thread():
-        task, optimum, simulations = find_posterior(rig, logs, np.random.default_rng(seed), limits, say)
-        say("intervals and free runs")
-        cov = _covariance(task, optimum.p)
-        values = _values(task, optimum.p, cov)
-        slopes = task.slopes(optimum.p)[: len(values)]
-        starts = [*task.starts(optimum.p)]
-        point, sigma = np.array([value.value for value in values]), task.residual_sizes(optimum.p)
-        starts += [start_of(rig, point, log, sigma) for log in held_out]
-        runs = _runs(rig, point, [*logs, *held_out], starts, len(logs))
-    P = len(values)
-    cov = cov[:P, :P] * np.outer(slopes, slopes)
-    return RobotCalibration(robot, rig, values, cov, runs, optimum, sigma, simulations + task.simulations)
+        task, optimum, simulations = find_posterior(rig, logs, rng, limits, say)
+        say("intervals")
+        P, centre, cov = len(every), optimum.p.copy(), _covariance(task, optimum.p)
+        bits = np.log2(task.deviations / np.sqrt(np.diag(cov)))[:P]
+        known = bits >= LEAST_BITS
+        if not known.all():
+            rig = replace(rig, parameters=tuple(each for each, told in zip(every, known, strict=True) if told))
+            place = np.concatenate([centre[:P][known], centre[P:]])
+            task, optimum, count = find_posterior(rig, task.logs, rng, limits, say, place)
+            simulations += count
+            centre[:P][known] = optimum.p[: len(rig.parameters)]
+        values = tuple(map(_value, every, centre, np.sqrt(np.diag(cov)), bits, known))
+        say("free runs")
+        sigma = task.residual_sizes(optimum.p)
+        runs, seen = _runs(rig, optimum.p, task, held_out, sigma)
+    slopes = np.array([each.free.slope(value.value) for each, value in zip(every, values, strict=True)])
+    cov = (cov[:P, :P] * np.outer(slopes, slopes))[known][:, known]
+    drives = [drive.name for drive in robot.drives]
+    remarks = tuple(text for log in seen for text in sentences(log, drives))
+    return RobotCalibration(robot, rig, every, values, cov, runs, optimum, sigma, simulations, remarks)
 
 
 def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
@@ -188,27 +206,29 @@ def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
     return np.asarray(inverse @ (root @ root.T + prior) @ inverse)
 
 
-def _values(task: Fit, p: np.ndarray, cov: np.ndarray) -> tuple[Value, ...]:
-    """Values with intervals that are symmetric in the coordinates of the search, and so stay within the bounds."""
-    wide, out = float(norm.ppf(0.5 + LEVEL / 2)), []
-    for j, parameter in enumerate(task.rig.parameters):
-        f, spread = parameter.free, float(np.sqrt(cov[j, j]))
-        low, value, high = (float(f.outer(z)) for z in (p[j] - wide * spread, p[j], p[j] + wide * spread))
-        learned = float(np.log2(parameter.deviation / spread))
-        out.append(
-            Value(f.name, f.unit, parameter.before, value, low, high, spread * f.slope(value), learned, learned >= 1.0)
-        )
-    return tuple(out)
+def _value(parameter: Parameter, z: float, spread: float, bits: float, known: bool) -> Value:
+    """A value at z, with an interval that is symmetric in the coordinate of the search, and so stays within the bounds.
+
+    One that is not `known` is that of the model.
+    """
+    f, half = parameter.free, float(norm.ppf(0.5 + LEVEL / 2)) * spread
+    low, value, high = (float(f.outer(each)) for each in (z - half, z, z + half))
+    std = float(spread * f.slope(value))
+    value = value if known else parameter.before
+    return Value(f.name, f.unit, parameter.before, value, low, high, std, float(bits), bool(known))
 
 
 def _runs(
-    rig: Rig, values: np.ndarray, logs: Sequence[RobotLog], starts: Sequence[np.ndarray], used: int
-) -> tuple[Run, ...]:
-    """Free runs of the model as it was and as it is calibrated, from the start of each log; the first logs are used."""
-    model, out = np.array([parameter.before for parameter in rig.parameters]), []
-    for k, (log, start) in enumerate(zip(logs, starts, strict=True)):
+    rig: Rig, p: np.ndarray, task: Fit, held_out: Sequence[RobotLog], sigma: np.ndarray
+) -> tuple[tuple[Run, ...], list[RobotLog]]:
+    """Free runs of the model as it was and as it is calibrated, at p (n,), and the logs without what no joint does."""
+    values, model = task.values(p)[: len(rig.parameters)], np.array([each.before for each in rig.parameters])
+    starts = [*task.starts(p), *(start_of(rig, values, log, sigma) for log in held_out)]
+    out, seen = [], []
+    for k, (log, start) in enumerate(zip([*task.logs, *held_out], starts, strict=True)):
         before, after = (free_run(rig, point, log.u, log.Ts, start) for point in (model, values))
+        seen.append(without_spikes(log, after, log.noise) if k >= len(task.logs) else log)
         for j, drive in enumerate(rig.robot.drives):
-            columns = (each[:, j] for each in (log.u, log.y, before, after, start))
-            out.append(Run(log.name, drive.name, drive.unit, k >= used, log.Ts, *columns))
-    return tuple(out)
+            columns = (each[:, j] for each in (log.u, seen[k].y, before, after, start))
+            out.append(Run(log.name, drive.name, drive.unit, k >= len(task.logs), log.Ts, *columns))
+    return tuple(out), seen

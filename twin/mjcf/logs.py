@@ -1,6 +1,7 @@
 """Logs of a robot: columns of commands and of positions, in the order of its actuators, in SI."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +22,30 @@ REMEDY = 'name it in the header, as in "angle [deg]", or as unit in a mapping (q
 
 @dataclass(frozen=True)
 class RobotLog:
-    """Commands u (N, drives), each held for Ts [s], and readings y (N, drives) [rad or m], NaN where one is lost."""
+    """Commands u (N, drives), each held for Ts [s], and readings y (N, drives) [rad or m], NaN where one is lost.
+
+    `odd` (N, drives) are readings that were taken out because no joint makes them.
+    """
 
     name: str
     u: np.ndarray
     y: np.ndarray
     Ts: float
-    notes: tuple[str, ...] = ()
+    odd: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool), repr=False)
+
+    def __post_init__(self) -> None:
+        if self.odd.shape != self.y.shape:
+            object.__setattr__(self, "odd", np.zeros(self.y.shape, dtype=bool))
+
+    def without(self, odd: np.ndarray) -> "RobotLog":
+        """The log without the readings (N, drives) that are odd."""
+        return replace(self, y=np.where(odd, np.nan, self.y), odd=self.odd | odd)
+
+    def part(self, rows: slice | None = None, drives: Sequence[int] | None = None) -> "RobotLog":
+        """Some rows, or some drives, of the log."""
+        rows, columns = rows or slice(None), slice(None) if drives is None else list(drives)
+        u, y, odd = (each[rows][:, columns] for each in (self.u, self.y, self.odd))
+        return replace(self, u=u, y=y, odd=odd)
 
     @property
     def start(self) -> np.ndarray:
@@ -82,7 +100,7 @@ def read(
                 f"{path}: the position of {drive.name} reaches {np.nanmax(np.abs(column)):.4g} rad; where its unit is "
                 f"another one, {REMEDY}"
             )
-    return RobotLog(Path(path).name, data.u, y, data.Ts, record.notes)
+    return RobotLog(Path(path).name, data.u, y, data.Ts)
 
 
 def _check_unit(path: str, drive: Drive, role: str, column: str, unit: str, allowed: str) -> None:

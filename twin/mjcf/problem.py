@@ -80,11 +80,14 @@ class Fit(Simulations):
         """The starts (logs, 3, drives) at p (n,)."""
         return self.values(p)[len(self.shared) :].reshape(len(self.logs), len(STARTS), -1)
 
-    def residual_sizes(self, p: np.ndarray) -> np.ndarray:
-        """RMS residual (drives,) [rad or m] at p (n,), over all logs."""
-        pairs = zip(self.records, self.responses_at(p), strict=True)
-        squares = [((record.y - y) ** 2).reshape(len(self.sigma), -1) for record, y in pairs]
-        return np.asarray(self.sigma * np.sqrt(np.nanmean(np.concatenate(squares, axis=1), axis=1)))
+    def readings(self, p: np.ndarray) -> list[np.ndarray]:
+        """Simulated readings (N, drives) [rad or m] of each log at p (n,)."""
+        return [self.sigma * y.reshape(len(self.sigma), -1).T for y in self.responses_at(p)]
+
+    def residual_sizes(self, p: np.ndarray, logs: Sequence[RobotLog] | None = None) -> np.ndarray:
+        """RMS residual (drives,) [rad or m] at p (n,), over all logs, or over `logs` with fewer readings."""
+        pairs = zip(self.logs if logs is None else logs, self.readings(p), strict=True)
+        return np.asarray(np.sqrt(np.nanmean(np.concatenate([(log.y - y) ** 2 for log, y in pairs]), axis=0)))
 
     def _columns_by_tree(self) -> np.ndarray:
         """The tree (n,) that each parameter moves; -1 for all of them."""

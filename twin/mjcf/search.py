@@ -12,6 +12,7 @@ from twin.mjcf.logs import RobotLog
 from twin.mjcf.parameters import parameters
 from twin.mjcf.problem import STARTS, Fit
 from twin.mjcf.robot import Robot, drives_of
+from twin.mjcf.samples import without_spikes
 from twin.mjcf.simulation import Rig
 
 ROUNDS = 3  # searches, each with the noise that the last one left
@@ -23,20 +24,26 @@ Report = Callable[[str], None]
 
 
 def find_posterior(
-    rig: Rig, logs: Sequence[RobotLog], rng: np.random.Generator, limits: Options, say: Report
+    rig: Rig,
+    logs: Sequence[RobotLog],
+    rng: np.random.Generator,
+    limits: Options,
+    say: Report,
+    place: np.ndarray | None = None,
 ) -> tuple[Fit, Optimum, int]:
-    """The problem and its optimum, and how many runs it took.
+    """The problem and its optimum, and how many runs it took; the search begins at `place` (n,) where it is known.
 
+    The problem's logs are without the single readings that no joint makes.
     Trees of bodies that nothing connects are searched one after the other, as robots of their own, since a step that is
     good for one leg would be refused for another's sake. Raises InputError for logs over which the model cannot be
     simulated.
     """
-    place, simulations = None, 0
-    if (parts := _trees(rig.robot)) is not None:
+    simulations = 0
+    if place is None and (parts := _trees(rig.robot)) is not None:
         found = []
         for k, part in enumerate(parts):
             columns = [[drive.name for drive in rig.robot.drives].index(drive.name) for drive in part.drives]
-            own = [RobotLog(log.name, log.u[:, columns], log.y[:, columns], log.Ts) for log in logs]
+            own = [log.part(drives=columns) for log in logs]
             kinds = list(dict.fromkeys(parameter.kind.name for parameter in rig.parameters))
             part_rig = Rig(part, parameters(part, kinds), rig.threads)
             task, optimum, count = _rounds(part_rig, own, None, rng, limits, _named(say, f"{k + 1} of {len(parts)}"))
@@ -50,7 +57,7 @@ def find_posterior(
 def start_of(rig: Rig, values: np.ndarray, log: RobotLog, sigma: np.ndarray) -> np.ndarray:
     """The start (3, drives) of a log under known `values` (P,), from its first `OPENING` seconds."""
     n = max(round(OPENING / log.Ts), SHORTEST)
-    task = Fit(rig, [RobotLog(log.name, log.u[:n], log.y[:n], log.Ts)], sigma, known=values)
+    task = Fit(rig, [log.part(rows=slice(n))], sigma, known=values)
     if task.residual(task.start) is None:
         return log.start
     return np.asarray(task.starts(find_optimum(task, np.random.default_rng(0), draws=0).p)[0])
@@ -80,10 +87,12 @@ def _rounds(
 
         optimum = find_optimum(task, rng, draws=0 if k else starts, progress=tell, options=limits)
         simulations += task.simulations
-        residual = np.maximum(task.residual_sizes(optimum.p), LEAST * least)
-        if np.allclose(residual, sigma, rtol=SETTLED) or optimum.late:
+        clean = [without_spikes(log, y, least) for log, y in zip(logs, task.readings(optimum.p), strict=True)]
+        spikes = any(new is not old for new, old in zip(clean, logs, strict=True))
+        residual = np.maximum(task.residual_sizes(optimum.p, clean), LEAST * least)
+        if (np.allclose(residual, sigma, rtol=SETTLED) and not spikes) or optimum.late or k == ROUNDS - 1:
             break
-        place, sigma = optimum.p, residual
+        place, sigma, logs = optimum.p, residual, clean
     return task, optimum, simulations
 
 

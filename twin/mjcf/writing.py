@@ -21,23 +21,23 @@ def patched(result: RobotCalibration) -> str:
 
     The joints get armature, damping and frictionloss, the actuators gains, `delay` with its history, and the encoder's
     offset as a constant force (it controls what the encoder reads). The offset of the reading and a backlash, which act
-    on what is read, are <numeric> elements NAME_bias and NAME_backlash. Raises InputError where the text does not load
-    as the calibrated model.
+    on what is read, are <numeric> elements NAME_bias and NAME_backlash. What is not determined stays as it was. Raises
+    InputError where the text does not load as the calibrated model.
     """
     spec, model = result.robot.spec.copy(), result.rig.model(result.numbers)
     values = result.numbers[None]
-    kinds = {parameter.kind.name for parameter in result.rig.parameters}
+    names = {parameter.free.name for parameter in result.rig.parameters}
     delays = result.rig.of_kind("delay", values)[0]
     for k, drive in enumerate(result.robot.drives):
         joint, actuator = spec.joint(drive.joint), spec.actuator(drive.name)
         joint.armature, joint.frictionloss = model.dof_armature[drive.dof], model.dof_frictionloss[drive.dof]
         joint.damping[0] = model.dof_damping[drive.dof]
         actuator.gainprm, actuator.biasprm = model.actuator_gainprm[drive.index], model.actuator_biasprm[drive.index]
-        if "delay" in kinds:
+        if "delay" in names:
             actuator.delay, actuator.interp = delays[k], 1  # linear, as the mean over a step is
             actuator.nsample = math.ceil(delays[k] / model.opt.timestep) + 2 if delays[k] > 0.0 else 0
         for kind in ("bias", "backlash"):
-            if kind in kinds:
+            if f"{drive.name}.{kind}" in names:
                 spec.add_numeric(name=f"{drive.name}_{kind}", data=[result.rig.of_kind(kind, values)[0, k]], size=1)
     text = _text(spec, result.robot)
     _check(text, result, model)
@@ -52,30 +52,28 @@ def difference(result: RobotCalibration, text: str) -> str:
 
 
 def ranges(result: RobotCalibration) -> str:
-    """Ranges for randomisation as TOML: mean, standard deviation and interval of each value, and the covariance.
+    """Ranges for randomisation as TOML: mean, standard deviation and interval of each determined value, and covariance.
 
-    An undetermined value has the spread of its prior, little changed.
+    One that is not determined has the model's value, and the interval that the logs leave.
     """
+    name = result.robot.path.name
     lines = [
-        f"# Calibrated parameters of {result.robot.path.name}, for the randomisation of a simulation.",
-        "# Each is normal with mean and std; draw all together from the covariance (rows in this order, SI units).",
-        "# determined = false: the logs do not tell it, and the range is about what was assumed before.",
+        f"# Calibrated parameters of {name}, for the randomisation of a simulation, in SI units.",
+        "# Each is normal with mean and std; draw them together from the covariance (rows in the order of names).",
+        f"# determined = false: the logs do not tell it, and value is that of {name}. From low to high is what was",
+        "# plausible before and the logs do not rule out: an assumption, not a measurement.",
     ]
-    for value, parameter in zip(result.values, result.rig.parameters, strict=True):
+    for value, parameter in zip(result.values, result.parameters, strict=True):
         drive = None if parameter.drive is None else result.robot.drives[parameter.drive]
         lines += ["", "[[parameter]]", f"name = {json.dumps(value.name)}", f'kind = "{parameter.kind.name}"']
         if drive is not None:
             lines += [f"actuator = {json.dumps(drive.name)}", f"joint = {json.dumps(drive.joint)}"]
-        lines += [
-            f'unit = "{value.unit}"',
-            f"mean = {value.value!r}",
-            f"std = {value.std!r}",
-            f"low = {value.low!r}",
-            f"high = {value.high!r}",
-            f"determined = {str(value.determined).lower()}",
-        ]
+        numbers = {"mean": value.value, "std": value.std} if value.determined else {"value": value.value}
+        numbers |= {"low": value.low, "high": value.high}
+        lines += [f'unit = "{value.unit}"', *(f"{key} = {number!r}" for key, number in numbers.items())]
+        lines.append(f"determined = {str(value.determined).lower()}")
     rows = ",\n".join(f"  [{', '.join(repr(float(v)) for v in row)}]" for row in result.covariance)
-    first = "\n[joint]\nnames = " + json.dumps([value.name for value in result.values])
+    first = "\n[joint]\nnames = " + json.dumps([value.name for value in result.determined])
     return "\n".join([*lines, first, f"covariance = [\n{rows},\n]"]) + "\n"
 
 

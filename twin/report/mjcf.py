@@ -1,6 +1,7 @@
 """The report of `qpal calibrate --model`: logs and model before and after, values, and what they leave open."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
 from twin.mjcf.writing import file_name
 
 USED, HELD = "used", "held out"
+WIDE = 3.2  # width of the log's line
+MISSING = "–"  # no value of the logs' own
 _SEE = (
     "{}: log, and the model before and after calibration in free run, over each other; below, what is left. A good "
     "calibration lies on the log{}."
@@ -66,13 +69,15 @@ def figure(runs: Sequence[Run]) -> Figure:
         t, models = np.arange(len(run.y)) * run.Ts, {"before": run.before, "after": run.after}
         colours = (style.SECOND, style.MODEL)
         title = f"{run.log}, {HELD if run.held_out else USED}"
-        above.append(over_panel(t, run.y, models, quantity, title, (), colours, "log"))
+        panel = over_panel(t, run.y, models, quantity, title, (), colours, "log")
+        log, *others = panel.lines()  # a good run lies on the log: a thin line on a wide one, so that both are seen
+        above.append(replace(panel, items=[replace(log, width=WIDE), *(replace(line, width=1.0) for line in others)]))
         errors = [
             Line(t, quantity.factor * (run.y - each), name, colour, 1.0, key=False)
             for (name, each), colour in zip(models.items(), colours, strict=True)
         ]
         below.append(Panel(errors, Axis(f"log less model [{quantity.unit}]"), Axis.time()))
-    return Figure([*above, *below], columns=len(runs), shared=False, height=2.4)
+    return Figure([*above, *below], columns=len(runs), shared=False, height=3.2)
 
 
 def sentences(result: RobotCalibration) -> list[str]:
@@ -81,12 +86,12 @@ def sentences(result: RobotCalibration) -> list[str]:
     open_values = [value.name for value in result.values if not value.determined]
     if open_values:
         texts.append(
-            f"Not determined: {', '.join(open_values)}. The logs tell less than one bit about each: its range is that "
-            "of the prior; record faster and larger motions, or free fewer with --free."
+            f"Not determined: {', '.join(open_values)}. The logs tell less than one bit about each: it stays as in "
+            f"{result.robot.path.name}, and its interval is what they leave of what is plausible for such a joint."
         )
     if not stop.converged:
         texts.append(f"The search did not converge: {stop.reason}.")
-    texts += result.robot.notes
+    texts += [*result.robot.notes, *result.remarks]
     texts.append(_WRITTEN.format(file_name(result.robot)) if result.usable else _WITHHELD)
     return texts
 
@@ -120,9 +125,8 @@ def values(result: RobotCalibration) -> Grid:
     """Values before and after."""
     heading = f"{100 * LEVEL:g} % interval"
     rows = [_row(value) for value in result.values]
-    return Grid(
-        ("parameter", "unit", "before", "calibrated", heading, "bits", ""), rows, text_columns=2, last_text=True
-    )
+    before = f"in {result.robot.path.name}"
+    return Grid(("parameter", "unit", before, "calibrated", heading, "bits", ""), rows, text_columns=2, last_text=True)
 
 
 def _row(value: Value) -> tuple[str, ...]:
@@ -131,7 +135,8 @@ def _row(value: Value) -> tuple[str, ...]:
     before, now, low, high = (number(q.factor * x, 4) for x in (value.before, value.value, value.low, value.high))
     unit = q.unit if angle else value.unit
     state = "" if value.determined else "not determined"
-    return value.name, unit, before, now, f"{low} to {high}", number(value.learned, 2), state
+    bits = number(max(value.learned, 0.0), 2)
+    return value.name, unit, before, now if value.determined else MISSING, f"{low} to {high}", bits, state
 
 
 def scores(result: RobotCalibration) -> Grid:
