@@ -266,6 +266,56 @@ def test_what_cannot_be_calibrated_is_refused_in_a_sentence(change, said, folder
     assert not (folder / "no").exists()
 
 
+@pytest.mark.parametrize(
+    ("scale", "heads", "said"),
+    [
+        ((1, -1), ("[rad]", "[deg]"), "set sign = -1"),
+        (
+            (1, np.pi / 180),
+            ("[rad]", "[deg]"),
+            'the position seems to be in rad: write the unit in its header, as in "po',
+        ),
+        ((1, 1), ("[rad]", ""), "the position seems to be in deg"),
+        ((180 / np.pi, 1), ("[rad]", "[deg]"), "the command seems to be in deg"),
+        ((1, 1), ("[deg]", "[deg]"), "the command seems to be in rad"),
+    ],
+)
+def test_a_turned_sign_and_a_wrong_unit_are_refused_with_the_remedy(
+    scale, heads, said, folder, tmp_path, monkeypatch, capfd
+):
+    """Nothing of MuJoCo or NumPy reaches the person, where the model cannot follow such commands either."""
+    monkeypatch.chdir(tmp_path)
+    table = np.loadtxt(folder / "chirp.csv", delimiter=",", skiprows=1) * np.array([1, scale[0], 1, scale[1], 1])
+    head = f"time [s],a {heads[0]},b [rad],c {heads[1]},d [deg]"
+    np.savetxt("log.csv", table, delimiter=",", comments="", header=head)
+    (tmp_path / "robot.xml").write_text(PENDULUM)
+    columns = ["--input", ",".join(head.split(",")[1:3]), "--output", ",".join(head.split(",")[3:])]
+    command = ["calibrate", "log.csv", "--model", "robot.xml", "--actuator", f"{HIP},{KNEE}", "--out", "out"]
+    assert main([*command, *columns]) == 2
+    err = capfd.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "robot.xml"]
+    if "sign" in said:  # the remedy works
+        tables = "".join(
+            f"[[{role}]]\ncolumn = {json.dumps(name)}\nsign = {sign}\n"
+            for role, name, sign in zip(["input"] * 2 + ["output"] * 2, head.split(",")[1:], (1, 1, -1, 1), strict=True)
+        )
+        (tmp_path / "MAP.toml").write_text('[clock]\ncolumn = "time [s]"\n' + tables)
+        assert main([*command, "--map", "MAP.toml"]) == 0
+
+
+def test_a_wild_candidate_is_a_failed_run_and_says_nothing(folder, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    rig = simulation.Rig(rob := robot.read(folder / "robot.xml", (HIP, KNEE)), parameters(rob))
+    assert all(np.isfinite(parameter.free.outer(1e4)) for parameter in rig.parameters)
+    values = np.array([parameter.before for parameter in rig.parameters])
+    y = simulation.free_run(rig, values, np.full((500, 2), 1e12), TS, np.zeros((3, 2)))
+    assert not np.isfinite(y).any()
+    assert capfd.readouterr().err == ""
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_free_base_is_held_and_units_are_looked_at(folder, tmp_path):
     path = tmp_path / "free.xml"
     path.write_text(

@@ -15,6 +15,7 @@ ROUNDS = 4  # simulations of one Jacobian, at most
 CHANGE = 30.0  # of a step, from one round to the next
 SMALLEST, LARGEST = 1e-5, 2.0  # of a step, in scales
 SAME = 0.5  # of the noise: within this RMS change of the response the Jacobian is the same; its own steps are longer
+FARTHEST = 100.0  # [log of scales] a value beyond which no simulation runs; its exponential is still a number
 KEPT = 0.5  # of the promised fall of the loss
 _NORMAL = 0.6745  # median of the absolute value of a standard normal number
 
@@ -55,7 +56,7 @@ class Free:
     def outer(self, z: float | np.ndarray) -> np.ndarray:
         """The value at a coordinate of the search, within the bounds."""
         z = np.minimum(z, self.inner(self.upper))  # the end of a wide interval may be more than a number holds
-        ratio = np.expm1(z) if self.lower >= 0.0 else z
+        ratio = np.expm1(np.minimum(z, FARTHEST)) if self.lower >= 0.0 else z
         return np.clip(self.scale * ratio, self.lower, self.upper)
 
     def slope(self, value: float) -> float:

@@ -14,6 +14,7 @@ from sysid.solver.iterate import Options
 from twin.calibrate.search import USUAL as USUAL_SEARCH
 from twin.calibrate.search import Optimum
 from twin.mjcf.logs import RobotLog
+from twin.mjcf.motion import check
 from twin.mjcf.parameters import USUAL, Parameter, parameters
 from twin.mjcf.problem import Fit
 from twin.mjcf.robot import Robot
@@ -169,6 +170,7 @@ def calibrate(
     rig, rng = Rig(robot, every, threads), np.random.default_rng(seed)
     limits = replace(USUAL_SEARCH, max_seconds=seconds, deadline=Options(max_seconds=seconds).begun().deadline)
     with one_blas_thread():
+        remarks = [text for log in (*logs, *held_out) for text in check(rig, log)]
         task, optimum, simulations = find_posterior(rig, logs, rng, limits, say)
         say("intervals")
         P, centre, cov = len(every), optimum.p.copy(), _covariance(task, optimum.p)
@@ -187,8 +189,8 @@ def calibrate(
     slopes = np.array([each.free.slope(value.value) for each, value in zip(every, values, strict=True)])
     cov = (cov[:P, :P] * np.outer(slopes, slopes))[known][:, known]
     drives = [drive.name for drive in robot.drives]
-    remarks = tuple(text for log in seen for text in sentences(log, drives))
-    return RobotCalibration(robot, rig, every, values, cov, runs, optimum, sigma, simulations, remarks)
+    remarks += [text for log in seen for text in sentences(log, drives)]
+    return RobotCalibration(robot, rig, every, values, cov, runs, optimum, sigma, simulations, tuple(remarks))
 
 
 def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:

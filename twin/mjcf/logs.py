@@ -24,7 +24,8 @@ REMEDY = 'name it in the header, as in "angle [deg]", or as unit in a mapping (q
 class RobotLog:
     """Commands u (N, drives), each held for Ts [s], and readings y (N, drives) [rad or m], NaN where one is lost.
 
-    `odd` (N, drives) are readings that were taken out because no joint makes them.
+    `odd` (N, drives) are readings that were taken out because no joint makes them; `units` are those of command and
+    position in the file, drive by drive.
     """
 
     name: str
@@ -32,6 +33,7 @@ class RobotLog:
     y: np.ndarray
     Ts: float
     odd: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool), repr=False)
+    units: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         if self.odd.shape != self.y.shape:
@@ -45,7 +47,7 @@ class RobotLog:
         """Some rows, or some drives, of the log."""
         rows, columns = rows or slice(None), slice(None) if drives is None else list(drives)
         u, y, odd = (each[rows][:, columns] for each in (self.u, self.y, self.odd))
-        return replace(self, u=u, y=y, odd=odd)
+        return replace(self, u=u, y=y, odd=odd, units=())
 
     @property
     def start(self) -> np.ndarray:
@@ -100,7 +102,9 @@ def read(
                 f"{path}: the position of {drive.name} reaches {np.nanmax(np.abs(column)):.4g} rad; where its unit is "
                 f"another one, {REMEDY}"
             )
-    return RobotLog(Path(path).name, data.u, y, data.Ts)
+    channels = zip(record.signals.mapping.input, record.signals.mapping.output, strict=True)
+    units = tuple((command.unit, position.unit) for command, position in channels)
+    return RobotLog(Path(path).name, data.u, y, data.Ts, units=units)
 
 
 def _check_unit(path: str, drive: Drive, role: str, column: str, unit: str, allowed: str) -> None:

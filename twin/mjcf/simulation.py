@@ -1,6 +1,8 @@
 """A robot's drives simulated from the commands of a log: many sets of parameters in one batch."""
 
 import copy
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import mujoco
@@ -76,8 +78,10 @@ class Rig:
         for begin in range(0, steps, block):
             stop = min(begin + block, steps)
             control = self._control(u, Ts, delays, np.arange(begin, stop + 1) * h, start[:, 2] - u[0])
+            out = {"qpos": np.empty((runs, stop - begin, model.nq))}
             try:
-                batch.rollout(stop - begin, control, out=(out := {"qpos": np.empty((runs, stop - begin, model.nq))}))
+                with _counted_alone():
+                    batch.rollout(stop - begin, control, out=out)
             except SimulationError as error:  # the others ran to the end
                 alive[error.ids] = False
             track[:, begin + 1 : stop + 1] = out["qpos"][:, :, places]
@@ -105,6 +109,18 @@ class Rig:
             before = np.clip((delays[:, [k]] - edges[:-1]) / np.diff(edges), 0.0, 1.0)  # share of the step
             out[:, :, drive.ctrl] += earlier[:, [k]] * before
         return out
+
+
+@contextmanager
+def _counted_alone() -> Iterator[None]:
+    """Warnings of the simulation are counted, and make a failed run; MuJoCo does not print them and writes no file."""
+    usual, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    quiet.logto_console = quiet.logto_file = False
+    mujoco.MjLogConfig.set(quiet)
+    try:
+        yield
+    finally:
+        mujoco.MjLogConfig.set(usual)
 
 
 def _play(y: np.ndarray, width: np.ndarray) -> np.ndarray:
