@@ -1,6 +1,7 @@
 """Joints of a user's MJCF: values found from a bad start, written back, and refusals in a sentence."""
 
 import json
+import shlex
 import shutil
 import tomllib
 from dataclasses import replace
@@ -13,7 +14,7 @@ from robots import CART, HIP, KNEE, PENDULUM, TRUTH, chirp, levels, record, writ
 from sysid.base.errors import InputError
 from twin.calibrate.problem import Simulations
 from twin.cli import main
-from twin.mjcf import calibration, logs, problem, robot, simulation, writing
+from twin.mjcf import advice, calibration, logs, problem, robot, simulation, writing
 from twin.mjcf.parameters import parameters
 from twin.report import mjcf as report
 
@@ -194,6 +195,32 @@ def test_gains_and_a_play_are_found(folder):
     assert abs(result["hip_servo.backlash"].value / 0.03 - 1.0) < 0.1
 
 
+def test_what_the_time_step_makes_of_the_values_is_told(folder):
+    """The robot moves in steps a quarter as long; of an error of first order in the step three quarters are seen."""
+    rng, t = np.random.default_rng(5), np.arange(1500) * TS
+    u = np.column_stack([chirp(t), chirp(t, 0.3, 4.0, 0.6)])
+    y = record(PENDULUM.replace("0.002", "0.0005"), TRUTH, (HIP, KNEE), u, TS, 1e-3, rng)
+    result = calibration.calibrate(robot.read(folder / "robot.xml", (HIP, KNEE)), [logs.RobotLog("fine", u, y, TS)])
+    for name in (f"{HIP}.armature", f"{KNEE}.armature", "delay"):
+        value, truth = result[name], TRUTH[name]
+        assert abs(value.value / truth - 1.0) > 0.03
+        assert abs((value.value + 0.75 * (value.continuous - value.value)) / truth - 1.0) < 0.01, name
+    assert any("2.00 ms" in text and "delay" in text for text in report.sentences(result))
+
+
+def test_intervals_allow_for_a_play_that_is_not_calibrated(folder):
+    """Without the functions of what the model lacks 4 of 9 hold."""
+    rng, play = np.random.default_rng(11), np.array([0.01, 0.006])
+    u = levels(rng, 2, 2000, 125, 0.5)
+    y = record(PENDULUM, TRUTH, (HIP, KNEE), u, TS, 0.0, rng)
+    for k in range(1, len(y)):
+        y[k] = np.clip(y[k - 1], y[k] - play / 2, y[k] + play / 2)
+    log = logs.RobotLog("play", u, y + 1e-3 * rng.standard_normal(y.shape), TS)
+    result = calibration.calibrate(robot.read(folder / "robot.xml", (HIP, KNEE)), [log])
+    assert np.mean([value.holds(TRUTH[value.name]) for value in result.values]) > 0.6
+    assert min(value.learned for value in result.values) >= 0.0
+
+
 def test_motors_in_other_units_with_lost_samples(folder):
     """A cart on springs with a pole: a slide and a hinge under forces, one of them through a gear."""
     rng, names = np.random.default_rng(5), ("cart", "pole")
@@ -229,7 +256,38 @@ def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, 
     assert summary["usable"]
     for file in ("out/robot-calibrated.xml", "out/changes.diff", "out/ranges.toml"):
         assert file in [path.replace("\\", "/") for path in summary["files"]]
+    assert summary["next"] in out
+    assert summary["next"].endswith("python -m mujoco.viewer --mjcf=out/robot-calibrated.xml")
     mujoco.MjModel.from_xml_path("out/robot-calibrated.xml")
+
+
+def test_the_next_command_runs(calibrated, folder, tmp_path, monkeypatch, capsys):
+    """From one that is asked for to the next; logs to be recorded are there by then."""
+    monkeypatch.chdir(tmp_path)
+    for name, copy in (("robot.xml", "robot.xml"), ("chirp.csv", "chirp.csv"), ("steps.csv", "OTHER.csv")):
+        shutil.copy(folder / name, copy)
+    command = ["calibrate", "chirp.csv", "--model", "robot.xml", "--actuator", f"{HIP},{KNEE}", *COLUMNS]
+    assert main([*command, "--out", "a"]) == 0
+    following = json.loads((tmp_path / "a" / "summary.json").read_text())["next"]
+    assert "OTHER.csv" in following
+    words = shlex.split(following.rpartition(": ")[2])
+    assert words[0] == "qpal"
+    assert main([*words[1:], "--out", "b"]) == 0
+    assert "mujoco.viewer" in capsys.readouterr().out
+    result, _ = calibrated
+
+    def then(**changes):
+        text = advice.next_step(
+            replace(result, **changes), ["a.csv"], ["b/steps.csv"], ["--model", "m.xml"], 0, tmp_path
+        )
+        return shlex.split(text.rpartition(": ")[2])
+
+    worse = tuple(replace(run, before=run.after, after=run.before) if run.held_out else run for run in result.runs)
+    assert then(runs=worse) == ["qpal", "calibrate", "a.csv", "b/steps.csv", "--model", "m.xml"]
+    unknown = tuple(replace(value, determined=False) for value in result.values)
+    assert then(values=unknown)[2:4] == ["a.csv", "NEW.csv"]
+    stuck = replace(result.optimum, stop=replace(result.optimum.stop, converged=False))
+    assert then(optimum=stuck)[-2:] == ["--seed", "1"]
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,10 @@ def calibrate(
         columns = {"input": input, "output": output, "mapping": map}
         kinds = None if free is None else options.names(free)
         held = options.names(hold_out)
+        given = {"--model": model, "--actuator": actuator, "--input": input, "--output": output, "--map": map}
+        rest = [word for name, value in (given | {"--free": free}).items() if value for word in (name, value)]
         return _robot(
-            model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json
+            model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json, rest
         )
     joint = joint or JOINT
     from sysid.report.page import write
@@ -157,10 +159,11 @@ def _robot(
     seconds: float,
     out: str | None,
     as_json: bool,
+    rest: list[str],
 ) -> int:
-    """Calibrate joints of the MJCF `model`."""
+    """Calibrate joints of the MJCF `model`; `rest` are the words of the command beside its logs."""
     from sysid.report.page import write
-    from twin.mjcf import logs, robot, writing
+    from twin.mjcf import advice, logs, robot, writing
     from twin.mjcf.calibration import calibrate as run
     from twin.mjcf.parameters import USUAL
     from twin.report import mjcf as report
@@ -178,8 +181,9 @@ def _robot(
             seconds=seconds,
         )
         written = writing.write(result, scratch)
-        summary = {"files": [str(folder / name) for name in written], **result.as_dict()}
-        write(scratch, report.page(result), summary)
+        next_step = advice.next_step(result, files, held_out, rest, seed, folder)
+        summary = {"files": [str(folder / name) for name in written], "next": next_step, **result.as_dict()}
+        write(scratch, report.page(result, next_step), summary)
     verdict, *others = report.sentences(result)
-    console.finish(folder, summary, as_json, report.tables(result), others, verdict)
+    console.finish(folder, summary, as_json, report.tables(result), [*others, next_step], verdict)
     return 0 if result.optimum.stop.converged and result.usable else 1

@@ -31,7 +31,8 @@ class Value:
     """A parameter: the model's value, the calibrated one with its interval and standard deviation [unit].
 
     `learned` [bit] is log2 of the prior's deviation by the posterior's; below 1 the value is not determined: it stays
-    that of the model, and the interval is what the logs leave of what was plausible before.
+    that of the model, and the interval is what the logs leave of what was plausible before. `continuous` is the value
+    in a model of much shorter time steps: the one that a part has where the step of this model makes up for something.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Value:
     std: float
     learned: float
     determined: bool
+    continuous: float
 
     def holds(self, truth: float) -> bool:
         """Whether the interval contains `truth`."""
@@ -173,7 +175,7 @@ def calibrate(
         remarks = [text for log in (*logs, *held_out) for text in check(rig, log)]
         task, optimum, simulations = find_posterior(rig, logs, rng, limits, say)
         say("intervals")
-        P, centre, cov = len(every), optimum.p.copy(), _covariance(task, optimum.p)
+        P, centre, (cov, finer) = len(every), optimum.p.copy(), _covariance(task, optimum.p)
         bits = np.log2(task.deviations / np.sqrt(np.diag(cov)))[:P]
         known = bits >= LEAST_BITS
         if not known.all():
@@ -182,7 +184,7 @@ def calibrate(
             task, optimum, count = find_posterior(rig, task.logs, rng, limits, say, place)
             simulations += count
             centre[:P][known] = optimum.p[: len(rig.parameters)]
-        values = tuple(map(_value, every, centre, np.sqrt(np.diag(cov)), bits, known))
+        values = tuple(map(_value, every, centre, np.sqrt(np.diag(cov)), finer, bits, known))
         say("free runs")
         sigma = task.residual_sizes(optimum.p)
         runs, seen = _runs(rig, optimum.p, task, held_out, sigma)
@@ -193,8 +195,11 @@ def calibrate(
     return RobotCalibration(robot, rig, every, values, cov, runs, optimum, sigma, simulations, tuple(remarks))
 
 
-def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
-    """Covariance (n, n) of the maximum of the posterior, in coordinates of the search."""
+def _covariance(task: Fit, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance (n, n) of the maximum of the posterior, in coordinates of the search.
+
+    And its change (n,) where the model's time steps become infinitely short.
+    """
     J, prior = task.fine_jacobian(p), np.diag(task.deviations**-2.0)
     residual = task.residual(p)
     assert residual is not None  # the search has simulated this point
@@ -205,19 +210,22 @@ def _covariance(task: Fit, p: np.ndarray) -> np.ndarray:
     Q, R = np.linalg.qr(J)
     root = R.T @ long_run_covariance_root(e, Q, lengths, "auto")[0]
     inverse = np.linalg.inv(J.T @ J + prior)
-    return np.asarray(inverse @ (root @ root.T + prior) @ inverse)
+    finer = inverse @ J.T @ task.by_step(p)
+    cov = inverse @ (root @ root.T + task.lacking(p, e, J) + prior) @ inverse
+    least = np.minimum(task.deviations / np.sqrt(np.diag(cov)), 1.0)  # without the log one knows the prior
+    return cov * np.outer(least, least), finer
 
 
-def _value(parameter: Parameter, z: float, spread: float, bits: float, known: bool) -> Value:
+def _value(parameter: Parameter, z: float, spread: float, finer: float, bits: float, known: bool) -> Value:
     """A value at z, with an interval that is symmetric in the coordinate of the search, and so stays within the bounds.
 
     One that is not `known` is that of the model.
     """
     f, half = parameter.free, float(norm.ppf(0.5 + LEVEL / 2)) * spread
-    low, value, high = (float(f.outer(each)) for each in (z - half, z, z + half))
+    low, value, high, continuous = (float(f.outer(each)) for each in (z - half, z, z + half, z + finer))
     std = float(spread * f.slope(value))
-    value = value if known else parameter.before
-    return Value(f.name, f.unit, parameter.before, value, low, high, std, float(bits), bool(known))
+    value, continuous = (value, continuous) if known else (parameter.before, parameter.before)
+    return Value(f.name, f.unit, parameter.before, value, low, high, std, float(bits), bool(known), continuous)
 
 
 def _runs(

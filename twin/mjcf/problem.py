@@ -1,14 +1,18 @@
 """Least squares over logs of a robot, under the priors of its parameters, each log relative to its noise."""
 
+import copy
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from twin.calibrate.discrepancy import by_size, estimate
 from twin.calibrate.problem import Free, Record, Simulations
 from twin.mjcf.logs import RobotLog
 from twin.mjcf.simulation import Rig
 
 FINE = 0.1  # of the steps of the search: errors of differences fall with its square
+SHORT = 500  # samples of a joint; the functions of what a model lacks are up to 170
 WIDE = 10.0  # of the scale: how far the start of a log may be, while starts of a search are drawn within the scale
 STARTS = (("first reading", ""), ("first speed", "/s"), ("command before the log", ""))  # rows of a start, with units
 
@@ -88,6 +92,34 @@ class Fit(Simulations):
         """RMS residual (drives,) [rad or m] at p (n,), over all logs, or over `logs` with fewer readings."""
         pairs = zip(self.logs if logs is None else logs, self.readings(p), strict=True)
         return np.asarray(np.sqrt(np.nanmean(np.concatenate([(log.y - y) ** 2 for log, y in pairs]), axis=0)))
+
+    def by_step(self, p: np.ndarray) -> np.ndarray:
+        """What the model's time step makes of the scored responses (N,) at p (n,): an error of first order in it."""
+        model = copy.copy(self.rig.robot.model)
+        model.opt.timestep /= 2.0
+        finer = replace(self.rig, robot=replace(self.rig.robot, model=model))
+        pairs = zip(self.responses_at(p), Fit(finer, self.logs, self.sigma).responses_at(p), self.records, strict=True)
+        changes = [2.0 * (own - half)[record.scored] for own, half, record in pairs]
+        return np.nan_to_num(np.concatenate(changes))
+
+    def lacking(self, p: np.ndarray, e: np.ndarray, J: np.ndarray) -> np.ndarray:
+        """Covariance (n, n) of J'e by what the model lacks: random functions of each joint's place and speed.
+
+        Their sizes come from the residual e (N,) of each joint, see `twin.calibrate.discrepancy`. A joint of few
+        samples, or one that rests, cannot tell them.
+        """
+        readings, total = self.readings(p), np.zeros((J.shape[1],) * 2)
+        drive = np.concatenate([np.repeat(np.arange(len(self.sigma)), len(log.y)) for log in self.logs])
+        scored = np.concatenate([record.scored for record in self.records])
+        for k, sigma in enumerate(self.sigma):
+            rows = drive[scored] == k
+            responses = [y[:, k] / sigma for y in readings]
+            if rows.sum() < SHORT or max(map(np.ptp, responses)) < 1.0:  # [standard deviations]
+                continue
+            groups, size = estimate(e[rows], J[rows], responses, [log.Ts for log in self.logs], scored[drive == k])
+            Phi = J[rows].T @ by_size(groups, size)
+            total += Phi @ Phi.T
+        return total
 
     def _columns_by_tree(self) -> np.ndarray:
         """The tree (n,) that each parameter moves; -1 for all of them."""

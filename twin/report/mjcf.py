@@ -15,6 +15,7 @@ from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
 from twin.mjcf.writing import file_name
 
 USED, HELD = "used", "held out"
+MANY = 4  # values that a sentence names
 WIDE = 3.2  # width of the log's line
 MISSING = "–"  # no value of the logs' own
 _SEE = (
@@ -28,8 +29,8 @@ _WRITTEN = (
 _WITHHELD = "No calibrated MJCF is written; ranges.toml holds what was found."
 
 
-def page(result: RobotCalibration) -> Page:
-    """The report on one calibration."""
+def page(result: RobotCalibration, next_step: str) -> Page:
+    """The report on one calibration; `next_step` is the sentence on what to do then."""
     pictures = [
         Picture.of(f"joint-{k}", figure(runs), _SEE.format(runs[0].drive, _beside(runs)))
         for k, runs in enumerate(_by_drive(result), 1)
@@ -40,7 +41,7 @@ def page(result: RobotCalibration) -> Page:
         subtitle=f"{len(result.values)} parameters of {len(result.robot.drives)} joint(s)",
         verdict=[first],
         sections=[
-            Section("What was found", rest, tables=[values(result)]),
+            Section("What was found", [*rest, next_step], tables=[values(result)]),
             Section("Model and logs", tables=[scores(result)], pictures=pictures),
         ],
         made_with=versions(),
@@ -89,6 +90,15 @@ def sentences(result: RobotCalibration) -> list[str]:
             f"Not determined: {', '.join(open_values)}. The logs tell less than one bit about each: it stays as in "
             f"{result.robot.path.name}, and its interval is what they leave of what is plausible for such a joint."
         )
+    moved = [value for value in result.determined if not value.low <= value.continuous <= value.high]
+    if moved:
+        moved.sort(key=lambda value: -abs(value.continuous - value.value) / abs(value.value or 1.0))
+        step = number(1e3 * float(result.robot.model.opt.timestep), 3)
+        names = ", ".join(f"{value.name} {' '.join(_shown(value, value.continuous))}" for value in moved[:MANY])
+        texts.append(
+            f"The values are those for the time step of {result.robot.path.name}, {step} ms, which takes part in the "
+            f"motion: with much shorter steps they would be {names}{', ...' if len(moved) > MANY else ''}."
+        )
     if not stop.converged:
         texts.append(f"The search did not converge: {stop.reason}.")
     texts += [*result.robot.notes, *result.remarks]
@@ -129,11 +139,16 @@ def values(result: RobotCalibration) -> Grid:
     return Grid(("parameter", "unit", before, "calibrated", heading, "bits", ""), rows, text_columns=2, last_text=True)
 
 
-def _row(value: Value) -> tuple[str, ...]:
+def _shown(value: Value, x: float) -> tuple[str, str]:
+    """x [unit of the value] as a person reads it, and its unit; gains and friction stay per rad, as in MJCF."""
     angle = value.unit == "rad"
-    q = display_quantity(value.name, value.unit if angle else "1")  # gains and friction stay per rad, as in MJCF
-    before, now, low, high = (number(q.factor * x, 4) for x in (value.before, value.value, value.low, value.high))
-    unit = q.unit if angle else value.unit
+    q = display_quantity(value.name, value.unit if angle else "1")
+    return number(q.factor * x, 4), q.unit if angle else value.unit
+
+
+def _row(value: Value) -> tuple[str, ...]:
+    before, now, low, high = (_shown(value, x)[0] for x in (value.before, value.value, value.low, value.high))
+    unit = _shown(value, 0.0)[1]
     state = "" if value.determined else "not determined"
     bits = number(max(value.learned, 0.0), 2)
     return value.name, unit, before, now if value.determined else MISSING, f"{low} to {high}", bits, state

@@ -1,0 +1,52 @@
+"""The one command to try after a calibration of a robot."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+
+from twin.mjcf.calibration import RobotCalibration
+from twin.mjcf.writing import file_name
+
+
+def next_step(
+    result: RobotCalibration,
+    files: Sequence[str],
+    held_out: Sequence[str],
+    rest: Sequence[str],
+    seed: int,
+    folder: Path,
+) -> str:
+    """What to do next, with its command. `files` and `held_out` were read; `rest` are the other words of that command.
+
+    NEW.csv and OTHER.csv stand for logs that are still to be recorded. The results are in `folder`; `seed` is that of
+    the starts.
+    """
+
+    def command(used: Sequence[str], held: Sequence[str], *more: str) -> str:
+        held_words = ["--hold-out", ",".join(held)] if held else []
+        return shlex.join(["qpal", "calibrate", *used, *rest, *held_words, *more])
+
+    unknown = [value.name for value in result.values if not value.determined]
+    if result.optimum.late:
+        return f"Next: without --seconds the search ends by itself: {command(files, held_out)}"
+    if not result.optimum.stop.converged:
+        return f"Next: search from other starts: {command(files, held_out, '--seed', str(seed + 1))}"
+    if result.worse:
+        unseen = tuple(dict.fromkeys(run.log for run in result.worse))
+        worse = [file for file in held_out if Path(file).name in unseen]
+        held = [file for file in held_out if file not in worse]
+        return (
+            f"Next: use {', '.join(unseen)} too, which shows what the others do not: {command([*files, *worse], held)}"
+        )
+    if unknown:
+        return (
+            f"Next: record {', '.join(unknown)} in faster and larger motions as NEW.csv, and use it too: "
+            f"{command([*files, 'NEW.csv'], held_out)}"
+        )
+    if not held_out:
+        return (
+            "Next: record another kind of motion as OTHER.csv, and judge the model on it: "
+            f"{command(files, ['OTHER.csv'])}"
+        )
+    viewer = ["python", "-m", "mujoco.viewer", f"--mjcf={folder / file_name(result.robot)}"]
+    return f"Next: look at the calibrated robot: {shlex.join(viewer)}"
