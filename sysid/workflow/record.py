@@ -88,6 +88,7 @@ def read_record(
     range: Range = Range(),  # noqa: B008 - it is frozen
     time_unit: str | None = None,
     missing: str = "refuse",
+    moving: bool = True,
 ) -> Record:
     """The record in the file at `path`, from the named columns; "a,b" names two of them.
 
@@ -95,8 +96,8 @@ def read_record(
     read as input, output. `mapping`, a ChannelMap or its file, says instead how the file is read. Ts [s] comes from
     `Ts` or from the clock. Empty cells of outputs are an error if `missing` is "refuse", else missing samples; a
     mapping says itself what they are. `notes` lists assumptions and repairs. Raises InputError with file and place for
-    missing or unclear columns, columns of different lengths, cells that are not finite numbers, a constant signal, and
-    time stamps that cannot be made uniform (`sysid.channels`).
+    missing or unclear columns, columns of different lengths, cells that are not finite numbers, a constant signal
+    unless `moving` is False, and time stamps that cannot be made uniform (`sysid.channels`).
     """
     check_given(Given(input, output, time, time_unit, Ts), mapping)
     table = read_table(path)
@@ -113,7 +114,8 @@ def read_record(
     path = table.path
     del table  # its clock is not needed any more, and a long record has no room for it
     data = signals.io()
-    check_moving(signals, data)
+    if moving:
+        check_moving(signals, data)
     inputs, outputs = (
         ",".join(signal.column for signal in role_signals) for role_signals in (signals.input, signals.output)
     )

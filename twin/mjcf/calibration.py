@@ -13,6 +13,7 @@ from sysid.estimation.noise_model import long_run_covariance_root
 from sysid.solver.iterate import Options
 from twin.calibrate.search import USUAL as USUAL_SEARCH
 from twin.calibrate.search import Optimum
+from twin.mjcf.held import held_sentences
 from twin.mjcf.logs import RobotLog
 from twin.mjcf.motion import check
 from twin.mjcf.parameters import USUAL, Parameter, parameters
@@ -191,7 +192,9 @@ def calibrate(
     slopes = np.array([each.free.slope(value.value) for each, value in zip(every, values, strict=True)])
     cov = (cov[:P, :P] * np.outer(slopes, slopes))[known][:, known]
     drives = [drive.name for drive in robot.drives]
-    remarks += [text for log in seen for text in sentences(log, drives)]
+    remarks += [
+        text for log in seen for text in (*held_sentences(robot, log.name, log.posture), *sentences(log, drives))
+    ]
     return RobotCalibration(robot, rig, every, values, cov, runs, optimum, sigma, simulations, tuple(remarks))
 
 
@@ -236,7 +239,7 @@ def _runs(
     starts = [*task.starts(p), *(start_of(rig, values, log, sigma) for log in held_out)]
     out, seen = [], []
     for k, (log, start) in enumerate(zip([*task.logs, *held_out], starts, strict=True)):
-        before, after = (free_run(rig, point, log.u, log.Ts, start) for point in (model, values))
+        before, after = (free_run(rig, point, log.u, log.Ts, start, log.posture) for point in (model, values))
         seen.append(without_spikes(log, after, log.noise) if k >= len(task.logs) else log)
         for j, drive in enumerate(rig.robot.drives):
             columns = (each[:, j] for each in (log.u, seen[k].y, before, after, start))

@@ -1,15 +1,16 @@
 """Logs of a robot: columns of commands and of positions, in the order of its actuators, in SI."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.reading import Mapping
+from sysid.channels.reading import Mapping as ChannelMapping
 from sysid.workflow.record import read_record
 from twin.calibrate.problem import noise_of
+from twin.mjcf.held import posture
 from twin.mjcf.robot import Drive, Robot
 
 FIRST = 3  # samples whose median is the first angle
@@ -25,7 +26,7 @@ class RobotLog:
     """Commands u (N, drives), each held for Ts [s], and readings y (N, drives) [rad or m], NaN where one is lost.
 
     `odd` (N, drives) are readings that were taken out because no joint makes them; `units` are those of command and
-    position in the file, drive by drive.
+    position in the file, drive by drive. `posture` are the angles [rad or m] of joints that were held meanwhile.
     """
 
     name: str
@@ -34,6 +35,7 @@ class RobotLog:
     Ts: float
     odd: np.ndarray = field(default_factory=lambda: np.zeros((0, 0), dtype=bool), repr=False)
     units: tuple[tuple[str, str], ...] = ()
+    posture: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.odd.shape != self.y.shape:
@@ -70,7 +72,7 @@ class RobotLog:
 
 
 def read(
-    path: str, robot: Robot, input: str | None = None, output: str | None = None, mapping: Mapping | None = None
+    path: str, robot: Robot, input: str | None = None, output: str | None = None, mapping: ChannelMapping | None = None
 ) -> RobotLog:
     """The log at `path`; `input` and `output` name its columns, "a,b", in the order of the robot's drives.
 
@@ -84,7 +86,9 @@ def read(
             f"{path}: which columns are the commands and positions of {names}? give them in this order with --input "
             "a,b --output a,b, or in a mapping with --map"
         )
-    record = read_record(path, input, output, mapping=mapping, missing="outputs")
+    record = read_record(path, input, output, mapping=mapping, missing="outputs", moving=not several)
+    if not np.ptp(record.data.u, axis=0).any():
+        raise InputError(f"{path}: no command changes; give a log in which a joint is moved")
     for role, signals in (("input", record.signals.input), ("output", record.signals.output)):
         if len(signals) != len(robot.drives):
             raise InputError(
@@ -104,7 +108,7 @@ def read(
             )
     channels = zip(record.signals.mapping.input, record.signals.mapping.output, strict=True)
     units = tuple((command.unit, position.unit) for command, position in channels)
-    return RobotLog(Path(path).name, data.u, y, data.Ts, units=units)
+    return RobotLog(Path(path).name, data.u, y, data.Ts, units=units, posture=posture(path, robot))
 
 
 def _check_unit(path: str, drive: Drive, role: str, column: str, unit: str, allowed: str) -> None:

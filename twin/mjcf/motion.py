@@ -19,7 +19,7 @@ def check(rig: Rig, log: RobotLog) -> list[str]:
     A servo should go where its commands are, so there a contradiction is sure.
     """
     values, texts = np.array([each.before for each in rig.parameters]), []
-    model = free_run(rig, values, log.u, log.Ts, log.start)
+    model = free_run(rig, values, log.u, log.Ts, log.start, log.posture)
     for k, drive in enumerate(rig.robot.drives):
         seen = np.isfinite(log.y[:, k])
         y, u, simulated = log.y[seen, k], log.u[seen, k], model[seen, k]

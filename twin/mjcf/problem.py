@@ -169,7 +169,7 @@ def _record(rig: Rig, log: RobotLog, sigma: np.ndarray, known: np.ndarray | None
     def respond(values: np.ndarray) -> np.ndarray:
         parameters = values[:, :P] if known is None else np.tile(known, (len(values), 1))
         start = values[:, P:].reshape(len(values), len(STARTS), -1)
-        y = rig.run(parameters, log.u, log.Ts, start) / sigma
+        y = rig.run(parameters, log.u, log.Ts, start, log.posture) / sigma
         return y.transpose(0, 2, 1).reshape(len(values), -1)
 
     return Record(log.name, (log.y / sigma).T.ravel(), log.Ts, respond, own)

@@ -12,6 +12,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.files import check_regular_file
 
 LIFT = 100.0  # [m], by which a base that is held is raised, so that nothing touches the floor; gravity is the same
+ROCK = 1e9  # [kg m^2, kg] no force of a robot moves it noticeably within a log
 MOVES = {int(mujoco.mjtJoint.mjJNT_HINGE): "rad", int(mujoco.mjtJoint.mjJNT_SLIDE): "m"}
 FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
 
@@ -38,7 +39,10 @@ class Drive:
 
 @dataclass(frozen=True)
 class Robot:
-    """A model that MuJoCo has compiled from its `stand`, the drives to calibrate, and the `spec` as the file has it."""
+    """A model that MuJoCo has compiled from its `stand`, the drives to calibrate, and the `spec` as the file has it.
+
+    `held` are the joints beside the drives that other actuators hold: the model gives them the inertia of a rock.
+    """
 
     path: Path
     spec: mujoco.MjSpec
@@ -46,6 +50,13 @@ class Robot:
     drives: tuple[Drive, ...]
     notes: tuple[str, ...]
     stand: mujoco.MjSpec
+    held: tuple[str, ...] = ()
+
+    @property
+    def postures(self) -> dict[str, tuple[int, str]]:
+        """Place in qpos and unit of each held joint of the model."""
+        joints = [self.model.joint(k) for k in range(self.model.njnt)]
+        return {j.name: (int(j.qposadr[0]), MOVES[int(j.type[0])]) for j in joints if j.name in self.held}
 
     @property
     def coupled(self) -> bool:
@@ -73,7 +84,11 @@ def read(path: str | Path, names: Sequence[str]) -> Robot:
         raise InputError(f"{path}: MuJoCo does not load it ({first}); give the MJCF file of your robot") from None
     if not names:
         raise InputError(f"no actuator is named; give --actuator {','.join(_names(model)) or 'NAME'}, or some of these")
-    return Robot(path, spec, model, drives_of(path, model, names), notes, stand)
+    drives = drives_of(path, model, names)
+    held = _held(model, drives)
+    for name in held:
+        stand.joint(name).armature = ROCK
+    return Robot(path, spec, stand.compile() if held else model, drives, notes, stand, held)
 
 
 def drives_of(path: Path, model: mujoco.MjModel, names: Sequence[str]) -> tuple[Drive, ...]:
@@ -85,6 +100,20 @@ def drives_of(path: Path, model: mujoco.MjModel, names: Sequence[str]) -> tuple[
         if twice is not None:
             raise InputError(f"{path}: the {name} {twice!r} is named twice by --actuator; name one actuator a joint")
     return drives
+
+
+def _held(model: mujoco.MjModel, drives: Sequence[Drive]) -> tuple[str, ...]:
+    """Joints of the trees of the drives that an actuator without a log moves; passive joints are free."""
+    trees, joints = {drive.tree for drive in drives}, {drive.joint for drive in drives}
+    out = []
+    for kind, (k, _) in zip(model.actuator_trntype, model.actuator_trnid, strict=True):
+        joint_kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+        if mujoco.mjtTrn(int(kind)) not in joint_kinds or int(model.jnt_type[k]) not in MOVES:
+            continue
+        name, tree = model.joint(int(k)).name, int(model.dof_treeid[model.jnt_dofadr[k]])
+        if name and name not in joints and tree in trees:
+            out.append(name)
+    return tuple(dict.fromkeys(out))
 
 
 def _on_stand(spec: mujoco.MjSpec) -> tuple[mujoco.MjSpec, tuple[str, ...]]:

@@ -18,6 +18,7 @@ from twin.mjcf.simulation import Rig
 ROUNDS = 3  # searches, each with the noise that the last one left
 SETTLED = 0.1  # change of the noise by which another search would bring nothing
 OPENING, SHORTEST = 0.5, 20  # [s] and samples of a log that tell its start; a longer part tells the model's errors
+QUIETEST = 1e-6  # [rad, m] noise of readings that never change
 LEAST = 1.0 / 3.0  # of the noise that differences of the readings show: what is left over cannot be less
 
 Report = Callable[[str], None]
@@ -72,7 +73,7 @@ def _rounds(
     rig: Rig, logs: Sequence[RobotLog], place: np.ndarray | None, rng: np.random.Generator, limits: Options, say: Report
 ) -> tuple[Fit, Optimum, int]:
     """Searches from `place` (n,), or from the model's own values; the noise of each is what the last one left over."""
-    least = np.median([log.noise for log in logs], axis=0)
+    least = np.maximum(np.median([log.noise for log in logs], axis=0), QUIETEST)
     sigma, simulations, starts = least, 0, 24 if place is None else 0
     for k in range(ROUNDS):
         task = Fit(rig, logs, sigma, place)
@@ -110,7 +111,9 @@ def _trees(robot: Robot) -> list[Robot] | None:
             for other in [body for body in spec.bodies if body.id in roots and body.id != roots[tree]]:
                 spec.delete(other)
             part = spec.compile()
-            parts.append(Robot(robot.path, spec, part, drives_of(robot.path, part, names), robot.notes, spec))
+            parts.append(
+                Robot(robot.path, spec, part, drives_of(robot.path, part, names), robot.notes, spec, robot.held)
+            )
         except (ValueError, mujoco.FatalError):  # something else in the file names these bodies
             return None
     return parts

@@ -1,9 +1,10 @@
 """A robot's drives simulated from the commands of a log: many sets of parameters in one batch."""
 
 import copy
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import mujoco
 import numpy as np
@@ -14,6 +15,7 @@ from twin.mjcf.parameters import Parameter
 from twin.mjcf.robot import Robot
 
 BLOCK = 2**24  # bytes of commands and positions at a time
+NOWHERE: Mapping[str, float] = MappingProxyType({})  # no joint is held elsewhere than in the model
 WARNINGS = 1  # a batch's `warning` holds which element was last concerned, then how often
 
 
@@ -47,12 +49,14 @@ class Rig:
                 out[:, places] = values[:, [j]]
         return out
 
-    def run(self, values: np.ndarray, u: np.ndarray, Ts: float, start: np.ndarray) -> np.ndarray:
+    def run(
+        self, values: np.ndarray, u: np.ndarray, Ts: float, start: np.ndarray, posture: Mapping[str, float] = NOWHERE
+    ) -> np.ndarray:
         """Readings (runs, N, drives) for parameters (runs, P) and commands u (N, drives), in rad or m.
 
         A command is held from t = k Ts to the next, and reaches the actuator a delay later. `start` (runs, 3, drives)
-        has the first reading of each encoder, the speed then, and the command that was held before. A row of NaN is a
-        failed run.
+        has the first reading of each encoder, the speed then, and the command that was held before. Joints of the
+        `posture` are held there, other held ones where the model's first pose has them. A row of NaN is a failed run.
         """
         model, drives, runs = self.robot.model, self.robot.drives, len(values)
         h, (N, _) = model.opt.timestep, u.shape
@@ -61,6 +65,8 @@ class Rig:
         batch.set_models([self.model(row) for row in values])
         qpos = np.tile(model.qpos0, (runs, 1))
         qpos[:, places] = start[:, 0] - bias
+        for name, (place, _) in self.robot.postures.items():
+            qpos[:, place] = posture.get(name, model.qpos0[place])
         batch.qpos = qpos
         batch.qvel[:, [drive.dof for drive in drives]] = start[:, 1]
         for k, drive in enumerate(drives):
@@ -133,6 +139,13 @@ def _play(y: np.ndarray, width: np.ndarray) -> np.ndarray:
     return out
 
 
-def free_run(rig: Rig, values: np.ndarray, u: np.ndarray, Ts: float, start: np.ndarray) -> np.ndarray:
+def free_run(
+    rig: Rig,
+    values: np.ndarray,
+    u: np.ndarray,
+    Ts: float,
+    start: np.ndarray,
+    posture: Mapping[str, float] = NOWHERE,
+) -> np.ndarray:
     """Readings (N, drives) of one run with `values` (P,), from `start` (3, drives), see `Rig.run`."""
-    return rig.run(np.atleast_2d(values), u, Ts, start[None])[0]
+    return rig.run(np.atleast_2d(values), u, Ts, start[None], posture)[0]
