@@ -219,6 +219,9 @@ def test_intervals_allow_for_a_play_that_is_not_calibrated(folder):
     result = calibration.calibrate(robot.read(folder / "robot.xml", (HIP, KNEE)), [log])
     assert np.mean([value.holds(TRUTH[value.name]) for value in result.values]) > 0.6
     assert min(value.learned for value in result.values) >= 0.0
+    assert any("the robot does something that the model lacks" in text for text in report.sentences(result))
+    following = advice.next_step(result, ["log.csv"], [], ["--model", "m.xml"], 0, folder)
+    assert following.endswith("--free armature,damping,frictionloss,delay,bias,backlash")
 
 
 def test_motors_in_other_units_with_lost_samples(folder):
@@ -275,6 +278,7 @@ def test_the_next_command_runs(calibrated, folder, tmp_path, monkeypatch, capsys
     assert main([*words[1:], "--out", "b"]) == 0
     assert "mujoco.viewer" in capsys.readouterr().out
     result, _ = calibrated
+    assert result.lacking is None
 
     def then(**changes):
         text = advice.next_step(

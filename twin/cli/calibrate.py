@@ -83,7 +83,7 @@ def calibrate(
         kinds = None if free is None else options.names(free)
         held = options.names(hold_out)
         given = {"--model": model, "--actuator": actuator, "--input": input, "--output": output, "--map": map}
-        rest = [word for name, value in (given | {"--free": free}).items() if value for word in (name, value)]
+        rest = [word for name, value in given.items() if value for word in (name, value)]
         return _robot(
             model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json, rest
         )

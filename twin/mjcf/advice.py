@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from twin.mjcf.calibration import RobotCalibration
+from twin.mjcf.parameters import USUAL
 from twin.mjcf.writing import file_name
 
 
@@ -22,9 +23,12 @@ def next_step(
     the starts.
     """
 
-    def command(used: Sequence[str], held: Sequence[str], *more: str) -> str:
+    kinds = list(dict.fromkeys(each.kind.name for each in result.parameters))
+
+    def command(used: Sequence[str], held: Sequence[str], *more: str, free: Sequence[str] = kinds) -> str:
         held_words = ["--hold-out", ",".join(held)] if held else []
-        return shlex.join(["qpal", "calibrate", *used, *rest, *held_words, *more])
+        free_words = [] if tuple(free) == USUAL else ["--free", ",".join(free)]
+        return shlex.join(["qpal", "calibrate", *used, *rest, *free_words, *held_words, *more])
 
     unknown = [value.name for value in result.values if not value.determined]
     if result.optimum.late:
@@ -37,6 +41,11 @@ def next_step(
         held = [file for file in held_out if file not in worse]
         return (
             f"Next: use {', '.join(unseen)} too, which shows what the others do not: {command([*files, *worse], held)}"
+        )
+    if result.lacking and "backlash" not in kinds:
+        return (
+            "Next: try whether a play between joint and encoder is what the model lacks: "
+            f"{command(files, held_out, free=[*kinds, 'backlash'])}"
         )
     if unknown:
         return (

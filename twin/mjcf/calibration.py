@@ -11,6 +11,7 @@ from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.estimation.noise_model import long_run_covariance_root
 from sysid.solver.iterate import Options
+from twin.calibrate.problem import noise_of
 from twin.calibrate.search import USUAL as USUAL_SEARCH
 from twin.calibrate.search import Optimum
 from twin.mjcf.held import held_sentences
@@ -24,6 +25,7 @@ from twin.mjcf.search import find_posterior, start_of
 from twin.mjcf.simulation import Rig, free_run
 
 LEVEL = 0.95
+LACKING = 2.0  # times the noise of the readings: a larger error is the model's
 LEAST_BITS = 1.0  # log2 of the prior's deviation by the posterior's: a value of which less is learned is not determined
 
 
@@ -74,6 +76,13 @@ class Run:
         """RMS error [unit] of the free run "before" or "after"."""
         return float(np.sqrt(np.nanmean((self.y - getattr(self, run)) ** 2)))
 
+    @property
+    def left(self) -> float:
+        """RMS error of the calibrated model in multiples of what noise and rounding of the readings make."""
+        steps = np.diff(np.unique(self.y[np.isfinite(self.y)]))
+        rounding = float(np.median(steps)) / np.sqrt(12.0) if len(steps) else 0.0
+        return self.rms("after") / max(noise_of(self.y), rounding)
+
     def fit(self, run: str) -> float:
         """Fit [%] of the same."""
         return 100.0 * (1.0 - self.rms(run) / max(float(np.nanstd(self.y)), 1e-12))
@@ -112,6 +121,13 @@ class RobotCalibration:
     def worse(self) -> tuple[Run, ...]:
         """Held-out runs that the calibration has made worse."""
         return tuple(run for run in self.runs if run.held_out and not run.rms("after") <= run.rms("before"))
+
+    @property
+    def lacking(self) -> Run | None:
+        """The used run that shows most clearly that the robot does something else than the model; None without one."""
+        used = [run for run in self.runs if not run.held_out]
+        run = max(used, key=lambda run: run.left)
+        return run if run.left > LACKING else None
 
     @property
     def usable(self) -> bool:

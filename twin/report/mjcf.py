@@ -90,6 +90,11 @@ def sentences(result: RobotCalibration) -> list[str]:
             f"Not determined: {', '.join(open_values)}. The logs tell less than one bit about each: it stays as in "
             f"{result.robot.path.name}, and its interval is what they leave of what is plausible for such a joint."
         )
+    if run := result.lacking:
+        texts.append(
+            f"{run.drive} departs from the model by {number(run.left, 2)} times the noise of its readings ({run.log}): "
+            "the robot does something that the model lacks, and the intervals may be too narrow."
+        )
     moved = [value for value in result.determined if not value.low <= value.continuous <= value.high]
     if moved:
         moved.sort(key=lambda value: -abs(value.continuous - value.value) / abs(value.value or 1.0))
