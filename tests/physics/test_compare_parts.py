@@ -66,11 +66,23 @@ def test_shares_of_an_error_made_by_hand():
 
 
 def test_a_reading_far_off_is_an_outlier_and_a_step_of_the_error_is_none():
-    e = 1e-3 * np.random.default_rng(0).standard_normal(400) + 0.05 * (np.arange(400) > 200)
-    assert outliers(e, 1e-3, TS) == ()
+    e, moves = 1e-3 * np.random.default_rng(0).standard_normal(400) + 0.05 * (np.arange(400) > 200), np.ones(400, bool)
+    assert outliers(e, 1e-3, TS, moves) == ()
+    rest = float(np.sum(e**2))
     e[300] += 0.5
-    (found,) = outliers(e, 1e-3, TS)
+    (found,) = outliers(e, 1e-3, TS, moves)
     assert (found.time, found.size) == (pytest.approx(300 * TS), pytest.approx(0.5, abs=5e-3))
+    assert found.of_error == pytest.approx(1.0 - rest / np.sum(e**2), abs=0.01)
+
+
+def test_steps_of_a_converter_in_motion_are_no_outliers():
+    """At rest the readings do not flicker; in motion each is rounded to a step of 8 times what noise seems to be."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        moves = np.arange(400) > 250
+        way = np.cumsum(moves * rng.uniform(0.2, 0.6)) + 0.2 * moves * rng.standard_normal(400)
+        e = 0.01 * (np.round(way) - way) + 0.0012 * rng.standard_normal(400)
+        assert outliers(e, 0.0012, TS, moves) == ()
 
 
 @pytest.mark.parametrize(

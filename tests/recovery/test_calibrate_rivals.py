@@ -50,7 +50,7 @@ def test_the_values_of_the_cause_are_those_of_the_search_and_not_of_one_step():
         task = legs(rng, changes)
         p, e, J = optimum(task)
         rows = agreement(task, p, e, J, 0.95)
-        found = explained(task, p, e, J, rows, OFFSET, Options(max_iterations=30))
+        found = explained(task, p, J, rows, "ab", OFFSET, Options(max_iterations=30))
         best = min(found, key=lambda row: row.behind)
         assert (best.name, best.odd, best.behind) == ("b", 2, 0.0)
         assert best.rms == pytest.approx(NOISE, rel=0.1)
@@ -59,18 +59,20 @@ def test_the_values_of_the_cause_are_those_of_the_search_and_not_of_one_step():
     assert max(searched) < 0.1 < 0.3 < min(linear)
 
 
+@pytest.mark.parametrize("searched", ["ab", "a"])
 @pytest.mark.parametrize("name", ["a", "b", "zero"])
-def test_the_problem_with_own_values_begins_where_the_common_one_ended(name):
+def test_the_problem_with_own_values_begins_where_the_common_one_ended(name, searched):
     task = legs(np.random.default_rng(3), [0.0, 0.2])
     p, e, J = optimum(task)
-    problem, start = split(task, p, J, name, OFFSET)
+    problem, start = split(task, p, J, name, searched, OFFSET)
+    assert [free.name for free in problem.shared] == [row for row in searched if row != name]
+    assert [problem.free[own[-1]].name for own in problem.own] == [name, name]
     assert problem.residual(start) == pytest.approx(e)
     taken = problem.linearise(start)[1]
     h = 1e-6
     sides = [[problem.residual(start + side * h * row) for side in (-1, 1)] for row in np.eye(len(start))]
     slopes = np.column_stack([(low - high) / (2 * h) for low, high in sides])
     assert taken == pytest.approx(slopes, abs=0.05 * np.abs(slopes).max())
-    assert [problem.free[own[-1]].name for own in problem.own] == [name, name]
 
 
 def test_the_runs_that_agree_are_most_of_them_or_all():
@@ -87,10 +89,18 @@ def days():
     nominal, logs = twin.Parameters(), []
     for k, share in enumerate((1.0, 1.0, 1.3)):
         p = nominal.replace({"shoulder.no_load_speed": 1.19, "shoulder.coulomb": 0.79 * share})
-        options = {"amplitude": 12.0, "hold_min": 0.5, "hold_max": 3.0}
-        log = twin.Experiment("shoulder", "aprbs", 12.0, 0.05, seed=40 + k, parameters=p, options=options).run()
+        options = {"amplitude": 12.0, "hold_min": 0.5, "hold_max": 2.0}
+        log = twin.Experiment("shoulder", "aprbs", 8.0, 0.05, seed=40 + k, parameters=p, options=options).run()
         logs.append(Log(log.u, log.y, 0.05, None, "shoulder", {}))
     return logs
+
+
+def test_a_delay_of_one_day_is_told_from_the_lag(days):
+    late = Log(days[1].u, np.concatenate([days[1].y[:1], days[1].y[:-1]]), 0.05, None, "shoulder", {})
+    base = twin.Parameters({"shoulder.no_load_speed": 1.19, "shoulder.coulomb": 0.79})
+    result = calibrate([days[0], late], "shoulder", base, names=("rotor_inertia", "coulomb", "delay"))
+    assert result.differing[0].name == "delay"
+    assert np.diff(result.differing[0].values) == pytest.approx(0.05, abs=0.01)
 
 
 def test_friction_of_one_day_is_named_and_each_log_gets_its_file(days, tmp_path):

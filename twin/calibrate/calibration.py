@@ -109,9 +109,10 @@ def calibrate(
         wide = _problem(wide_leg, logs, labels)
         wide.steps = first.steps.copy()
         e, J = task.linearise(optimum.p)
-        size, cov, lacking = _covariance(wide, task, optimum, e, J, unsure)
-        agreements = agreement(task, optimum.p, e, J, level, VISIBLE, None if ZERO in daily else OFFSET)
-        agreements = explained(task, optimum.p, e, J, agreements, OFFSET, limits, say)
+        size, cov, lacking, every = _covariance(wide, task, optimum, e, J, unsure)
+        q, zero = _wide_point(wide, task, optimum.p), None if ZERO in daily else OFFSET
+        agreements = agreement(wide, q, e, every, level, VISIBLE, zero)  # a row that is not calibrated may differ too
+        agreements = explained(wide, q, every, agreements, free_rows, OFFSET, limits, say)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
         own = {row: _values(task, optimum, cov, J, size, base, level, js) for row, js in columns_by_run(task).items()}
@@ -121,7 +122,7 @@ def calibrate(
         means = {row: float(np.mean([runs_values[row][k].value for k in logs])) for row, logs in typical.items()}
         parameters = _as_board_sees(initial.replace(found | means))
         runs = free_runs(Leg(joint, base, (), *settings), leg, task, optimum, means, logs, held_out, labels)
-        runs = with_bands(runs, lacking, wide, wide_leg, _wide_point(wide, task, optimum.p), held_out, level)
+        runs = with_bands(runs, lacking, wide, wide_leg, q, held_out, level)
     moved_rows = tuple(row for row in ROWS if row not in (*free_rows, *daily, DELAY) and parameters[row] != base[row])
     converged, reason = _verdict(optimum, e, J, cov, seconds)
     cov = cov[: len(free_rows), : len(free_rows)]
@@ -232,9 +233,9 @@ def _take_over(first: Simulations, J: np.ndarray, task: Simulations, same: bool)
 
 def _covariance(
     first: Simulations, task: Simulations, optimum: Optimum, e: np.ndarray, J: np.ndarray, unsure: Sequence[str]
-) -> tuple[discrepancy.Sizes, np.ndarray, Lack]:
-    """Sizes of noise and departures, the covariance (n, n) that they and the rows `unsure` of `first` give, and the
-    posterior of all rows of `first` and departures.
+) -> tuple[discrepancy.Sizes, np.ndarray, Lack, np.ndarray]:
+    """Sizes of noise and departures, the covariance (n, n) that they and the rows `unsure` of `first` give, the
+    posterior of all rows of `first` and departures, and the Jacobian of `first`.
 
     A row that keeps a value which may be a scale off adds (J+ J_c S)(J+ J_c S)' with its column J_c and its scale S as
     a coordinate (Schmidt's considered parameters).
@@ -254,7 +255,7 @@ def _covariance(
     sensitivity = np.linalg.pinv(J) @ (every[:, indices] * spreads[indices])
     frame = discrepancy.Frame.of(responses, steps)
     lacking = lack(e, every, spreads, J[:, shared:], groups, size, frame)
-    return size, cov + sensitivity @ sensitivity.T, lacking
+    return size, cov + sensitivity @ sensitivity.T, lacking, np.hstack([every, J[:, shared:]])
 
 
 def _wide_point(first: Simulations, task: Simulations, p: np.ndarray) -> np.ndarray:

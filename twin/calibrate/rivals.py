@@ -32,22 +32,23 @@ class Rival:
 def explained(
     task: Simulations,
     p: np.ndarray,
-    e: np.ndarray,
     J: np.ndarray,
     rows: Sequence[Agreement],
+    searched: Sequence[str],
     offset: Free,
     options: Options,
     say: Callable[[str], None] = lambda text: None,
 ) -> tuple[Agreement, ...]:
-    """The `rows` of `agreement` at p (n,), with e (N,) and J (N, n), those that may be the cause with values searched.
+    """The `rows` of `agreement` at p (n,), with Jacobian J (N, n), those that may be the cause with values searched.
 
-    `offset` is the parameter of the reading. The most likely is the `cause`; others within `ODDS` of it are its rivals.
+    `searched` are the shared parameters that move with them, all others keep their values; `offset` is the parameter of
+    the reading. The most likely is the cause; others within `ODDS` of it are its rivals.
     """
     candidates = sorted((row for row in rows if row.differ), key=lambda row: -row.squares)[:MOST]
-    found = dict[str, Rival]()
+    limits, found = replace(options, max_iterations=ITERATIONS), dict[str, Rival]()
     for row in candidates:
         say(f"{row.name} of its own in each log")
-        found[row.name] = _search(*split(task, p, J, row.name, offset), replace(options, max_iterations=ITERATIONS))
+        found[row.name] = _search(*split(task, p, J, row.name, searched, offset), limits)
     best = max((rival.likelihood for rival in found.values()), default=0.0)
     return tuple(
         row if (rival := found.get(row.name)) is None else _with(row, rival, best - rival.likelihood) for row in rows
@@ -68,16 +69,20 @@ def _with(row: Agreement, rival: Rival, behind: float) -> Agreement:
     )
 
 
-def split(task: Simulations, p: np.ndarray, J: np.ndarray, name: str, offset: Free) -> tuple[Simulations, np.ndarray]:
-    """The same problem with an own value of `name` in each run, and its coordinates at p; `offset` if none shares it.
+def split(
+    task: Simulations, p: np.ndarray, J: np.ndarray, name: str, searched: Sequence[str], offset: Free
+) -> tuple[Simulations, np.ndarray]:
+    """The same problem with an own value of `name` in each run, and its coordinates at p (n,).
 
-    Its simulations and its Jacobian at p are those of `task`.
+    Of the shared parameters only those `searched` move; `offset` has an own value where `name` is not shared. Its
+    simulations and its Jacobian at p are those of `task`.
     """
     names = [free.name for free in task.shared]
     j = names.index(name) if name in names else None
     free = offset if j is None else task.shared[j]
-    kept = [i for i in range(len(names)) if i != j]
-    records = [_with_own(record, free, j) for record in task.records]
+    kept = [i for i, row in enumerate(names) if row in searched and i != j]
+    fixed = task.values(p)[: len(names)]
+    records = [_with_own(record, free, j, kept, fixed) for record in task.records]
     problem = Simulations([task.shared[i] for i in kept], records, task.noise)
     column, value, step = (np.full(len(J), offset.scale), 0.0, 0.05) if j is None else (J[:, j], p[j], task.steps[j])
     start, slopes, steps = p[kept], [J[:, kept]], task.steps[kept]
@@ -91,13 +96,20 @@ def split(task: Simulations, p: np.ndarray, J: np.ndarray, name: str, offset: Fr
     return problem, start
 
 
-def _with_own(record: Record, free: Free, j: int | None) -> Record:
-    """The record with one more own parameter, the shared one at `j` or, if None, an offset of its response."""
+def _with_own(record: Record, free: Free, j: int | None, kept: Sequence[int], fixed: np.ndarray) -> Record:
+    """The record with one more own parameter, the shared one at `j` or, if None, an offset of its response.
+
+    Of its shared parameters those `kept` move, the others stay at `fixed` (shared,).
+    """
 
     def respond(values: np.ndarray) -> np.ndarray:
+        moving, own, last = np.split(values, [len(kept), values.shape[1] - 1], axis=1)
+        shared = np.tile(fixed, (len(values), 1))
+        shared[:, kept] = moving
         if j is None:
-            return record.respond(values[:, :-1]) + values[:, -1:]
-        return record.respond(np.insert(values[:, :-1], j, values[:, -1], axis=1))
+            return record.respond(np.hstack([shared, own])) + last
+        shared[:, j] = last[:, 0]
+        return record.respond(np.hstack([shared, own]))
 
     return replace(record, respond=respond, own=(*record.own, free))
 

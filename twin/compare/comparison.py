@@ -84,7 +84,7 @@ class Comparison:
     @property
     def outliers(self) -> tuple[Outlier, ...]:
         """Samples that lie far from their neighbours, on either side."""
-        return outliers(self.error, self.noise, self.Ts)
+        return outliers(self.error, self.noise, self.Ts, ~(self.at["rest"] | self.at["end stop"]))
 
     @property
     def rms(self) -> float:

@@ -38,7 +38,7 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
     low, high = end_angles(p, joint)
     strong = 0.02 * p[f"{joint}.stall_torque" if joint == "shoulder" else f"{joint}.stall_force"]
     dry = max(p[f"{joint}.coulomb"], strong)
-    volts = p[f"{joint}.rated_voltage"]
+    volts, speed = p[f"{joint}.rated_voltage"], p[f"{joint}.no_load_speed"]
     supply = min(p["supply_voltage"], largest) if largest > 0 else p["supply_voltage"]
     entries = [
         Knob(START, "rad", angle, low, high, 0.01),
@@ -57,6 +57,7 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
         _row(f"{joint}.rated_voltage", p, 0.03 * volts, (-0.08 * volts, 0.08 * volts, 0.2 * volts)),
         # A limit above the largest command does nothing: it is moved from the largest command down.
         Knob("supply_voltage", "V", supply, 3.0, max(supply, 3.0), 0.04 * supply, (-0.1 * supply, -0.25 * supply)),
+        _row(f"{joint}.no_load_speed", p, 0.03 * speed, (-0.08 * speed, 0.08 * speed)),
         _row("dead_band", p, 0.1),
         *(_row(f"{joint}.{name}", p, 0.3 * p[f"{joint}.{name}"] or 1.0) for name in _SCALES),
         _row("supply_resistance", p, 1.0, (4.0,)),
@@ -160,11 +161,19 @@ TABLE: dict[str, Effect] = {
         ),
         Effect(
             "supply",
-            "supply and speed",
+            "supply",
             ("JOINT.rated_voltage", "supply_voltage", "supply_resistance"),
             ("JOINT.rated_voltage", "supply_voltage", "supply_resistance"),
             "--excitation aprbs",
             "many levels between zero and the largest voltage",
+        ),
+        Effect(
+            "speed",
+            "motor speed",
+            ("JOINT.no_load_speed",),
+            ("JOINT.no_load_speed",),
+            "--excitation aprbs",
+            "many levels between zero and the largest voltage, long enough to move at a steady speed",
         ),
         Effect(
             "sensor",

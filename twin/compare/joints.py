@@ -12,7 +12,7 @@ from sysid.joint.values import JointValue, distinct_values, joint_values
 
 # Which effect a value belongs to.
 EFFECTS = {
-    "speed_per_volt": "supply",
+    "speed_per_volt": "speed",
     "time_constant": "supply",
     "breakaway_up": "friction",
     "breakaway_down": "friction",

@@ -41,7 +41,8 @@ def sentences(result: Comparison, file: str) -> list[str]:
     alignment = result.alignment
     if alignment is not None and alignment.turned:
         texts.append(alignment.sentences()[0])
-    if result.verdict is not None and (result.verdict.known or not bad_readings):  # what is left may be an outlier
+    hidden = sum(outlier.of_error for outlier in result.outliers) > 0.5  # most of the departure is bad readings
+    if result.verdict is not None and (result.verdict.known or not hidden):
         texts += verdict_sentences(result.verdict, result.joint, file)
         if result.verdict.chance and result.verdict.known and result.unseen:
             texts.append(f"The log does not show {_list(result.unseen)}, and tells nothing about that.")
@@ -56,7 +57,7 @@ def _outlier_sentences(result: Comparison, file: str) -> list[str]:
     subject = "One sample," if count == 1 else f"{count} samples are far off; the farthest,"
     where = file if result.kind != LOG else "the log that has them"
     return [
-        f"{subject} at {largest.time:.1f} s, is {deg(abs(largest.size))} off its neighbours (noise of the log "
+        f"{subject} at {largest.time:.4g} s, is {deg(abs(largest.size))} off its neighbours (noise of the log "
         f"{deg(result.noise)}): no joint goes there and back so fast.",
         f"Next: put the mean of both neighbours in place of {'each' if count > 1 else 'it'} in {where}, and compare "
         "again.",
@@ -191,4 +192,5 @@ def deg(angle: float) -> str:
 
 
 def share_text(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    """In per cent; 100 only for all of it."""
+    return f"{100 * min(share, 0.999):.1f} %" if 0.995 <= share < 1.0 else f"{100 * share:.0f} %"
