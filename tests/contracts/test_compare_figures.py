@@ -73,7 +73,7 @@ def test_one_reading_far_off_is_said_with_its_time_and_what_to_do():
     error[300] += np.radians(30.0)
     structured = verdict(SHARES, True, left=Remainder(0.02, white=False, uneven=()))
     _, outlier, following = compare.sentences(comparison(structured, error), "log.csv")
-    assert outlier.startswith("One sample, at 15.0 s, is 30")
+    assert outlier.startswith("One sample, at 15 s, is 30")
     assert following.startswith("Next: put the mean of both neighbours in place of it in log.csv")
 
 

@@ -39,7 +39,7 @@ def test_the_table_is_what_the_script_makes(monkeypatch):
     two = {"effect": "load", "named": "load", "departure": 0.5}
     (line,) = script["table"]([one, two]).splitlines()[2:]
     cells = [cell.strip() for cell in line.strip("|").split("|")]
-    assert cells == ["load", "–", "–", "–", "–", "1", "–", "–", "1", "–", "–", "1 of 2", "0.50 to 1.00"]
+    assert cells == ["load", "–", "–", "–", "–", "1", "–", "–", "–", "1", "–", "–", "1 of 2", "0.50 to 1.00"]
 
 
 def test_the_table_of_foreign_legs_adds_up():

@@ -133,6 +133,7 @@ SINGLE = {  # values of one effect each, the first of which must come back
     "end_stop": {END_HIGH: end_angles(P, "shoulder")[1] - 0.04},
     "load": {"foot_mass": 0.6},
     "supply": {"shoulder.rated_voltage": 13.2},
+    "speed": {"shoulder.no_load_speed": 1.05},
     "sensor": {"slope": 1.03},
 }
 RIVALS = {"load": ("friction", "supply"), "friction": ("supply", "delay"), "sensor": ("end_stop", "supply")}

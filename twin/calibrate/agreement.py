@@ -124,19 +124,19 @@ def _of_parameter(
     wide = float(norm.ppf(0.5 + level / 2))
     low, values, high = (free.outer(z + spread * (steps + side * wide * stds)) for side in (-1.0, 0.0, 1.0))
     told = stds**2 < 0.5  # the run's information is larger than that of the prior, whose variance is 1
-    squares, chance = _differences(steps, sampling)
+    squares, chance = differences(steps, sampling)
     row = Agreement(
         free.name, free.unit, float(free.outer(z)), values, low, high, told, chance, squares, chance < limit
     )
     if not row.differ or len(steps) < 3:
         return row
     runs = np.arange(len(steps))
-    others = [_differences(steps[runs != k], sampling[np.ix_(runs != k, runs != k)]) for k in runs]
+    others = [differences(steps[runs != k], sampling[np.ix_(runs != k, runs != k)]) for k in runs]
     best = min(runs, key=lambda k: others[k][0])
     return replace(row, odd=int(best), rest_agrees=others[best][1] >= limit)
 
 
-def _differences(steps: np.ndarray, sampling: np.ndarray) -> tuple[float, float]:
+def differences(steps: np.ndarray, sampling: np.ndarray) -> tuple[float, float]:
     """Wald's statistic of the differences between runs, and its probability if their true values are the same."""
     contrasts = np.diff(np.eye(len(steps)), axis=0)
     values, vectors = np.linalg.eigh(contrasts @ sampling @ contrasts.T)
@@ -150,7 +150,7 @@ def _differences(steps: np.ndarray, sampling: np.ndarray) -> tuple[float, float]
 def agreeing(steps: np.ndarray, covariance: np.ndarray) -> list[int]:
     """The runs whose values (runs,) agree, without those that are odd; all of them if no more than half agree."""
     kept = list(range(len(steps)))
-    while len(kept) > 1 and _differences(steps[kept], covariance[np.ix_(kept, kept)])[1] < CHANCE:
+    while len(kept) > 1 and differences(steps[kept], covariance[np.ix_(kept, kept)])[1] < CHANCE:
         rests = [[k for k in kept if k != odd] for odd in kept]
-        kept = min(rests, key=lambda rest: _differences(steps[rest], covariance[np.ix_(rest, rest)])[0])
+        kept = min(rests, key=lambda rest: differences(steps[rest], covariance[np.ix_(rest, rest)])[0])
     return kept if 2 * len(kept) > len(steps) else list(range(len(steps)))

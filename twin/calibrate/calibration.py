@@ -111,7 +111,8 @@ def calibrate(
         e, J = task.linearise(optimum.p)
         size, cov, lacking, every = _covariance(wide, task, optimum, e, J, unsure)
         q, zero = _wide_point(wide, task, optimum.p), None if ZERO in daily else OFFSET
-        agreements = agreement(wide, q, e, every, level, VISIBLE, zero)  # a row that is not calibrated may differ too
+        rows_judged = agreement(wide, q, e, every, level, VISIBLE, zero)  # a row that is not calibrated may differ too
+        agreements = tuple(row for row in rows_judged if row.name not in nuisance_rows)
         agreements = explained(wide, q, every, agreements, free_rows, OFFSET, limits, say)
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)

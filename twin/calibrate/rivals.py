@@ -12,7 +12,7 @@ import numpy as np
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import search
 from twin.calibrate import discrepancy
-from twin.calibrate.agreement import Agreement
+from twin.calibrate.agreement import CHANCE, Agreement, differences
 from twin.calibrate.problem import Free, Record, Simulations
 
 MOST = 3  # candidates that are searched, each in about a quarter of the time of a calibration
@@ -22,9 +22,11 @@ ODDS = 20.0  # to one: a candidate less likely than the best by more than this i
 
 @dataclass(frozen=True)
 class Rival:
-    """A calibration in which one value differs between runs: its values (runs,), residuals RMS [rad], likelihood."""
+    """A calibration in which one value differs between runs: its values (runs,), the probability of their differences
+    by chance, residuals RMS [rad], and the log likelihood."""
 
     values: np.ndarray
+    chance: float
     rms: float
     likelihood: float
 
@@ -49,14 +51,20 @@ def explained(
     for row in candidates:
         say(f"{row.name} of its own in each log")
         found[row.name] = _search(*split(task, p, J, row.name, searched, offset), limits)
-    best = max((rival.likelihood for rival in found.values()), default=0.0)
+    best = max((rival.likelihood for rival in found.values() if rival.chance < CHANCE / len(rows)), default=0.0)
     return tuple(
-        row if (rival := found.get(row.name)) is None else _with(row, rival, best - rival.likelihood) for row in rows
+        row if (rival := found.get(row.name)) is None else _with(row, rival, best - rival.likelihood, len(rows))
+        for row in rows
     )
 
 
-def _with(row: Agreement, rival: Rival, behind: float) -> Agreement:
-    """The row with the values of the search, about which its intervals are as wide as before."""
+def _with(row: Agreement, rival: Rival, behind: float, tests: int) -> Agreement:
+    """The row with the values of the search, about which its intervals are as wide as before.
+
+    Values that agree after the search, at the chance of one of so many tests, do not differ.
+    """
+    if rival.chance >= CHANCE / tests:
+        return replace(row, differ=False, odd=None, rest_agrees=True)
     moved = rival.values - row.values
     return replace(
         row,
@@ -119,6 +127,7 @@ def _search(problem: Simulations, start: np.ndarray, options: Options) -> Rival:
     p = iterate(problem, start, search("trust_region"), options, None).p
     e, J = problem.linearise(p)
     steps, scored = [r.Ts for r in problem.records], np.concatenate([r.scored for r in problem.records])
-    _, size = discrepancy.estimate(e, J, problem.responses_at(p), steps, scored)
-    values = problem.values(p)[[own[-1] for own in problem.own]]
-    return Rival(values, float(np.sqrt(np.mean(e**2))), size.likelihood)
+    groups, size = discrepancy.estimate(e, J, problem.responses_at(p), steps, scored)
+    last = [int(own[-1]) for own in problem.own]
+    chance = differences(p[last], discrepancy.covariance(J, groups, size)[np.ix_(last, last)])[1]
+    return Rival(problem.values(p)[last], chance, float(np.sqrt(np.mean(e**2))), size.likelihood)
