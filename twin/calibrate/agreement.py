@@ -81,7 +81,7 @@ def agreement(
     for free, z, spread, column, others in candidates:
         columns = column * runs
         change, posterior, sampling = (
-            part[: runs.shape[1]] for part in _own_steps(e, np.hstack([columns, others]), groups, size)
+            part[: runs.shape[1]] for part in own_steps(e, np.hstack([columns, others]), groups, size)
         )
         sampling, stds = sampling[:, : runs.shape[1]], np.sqrt(np.diag(posterior))
         seen = np.sqrt(np.sum(columns**2, axis=0) / task.lengths)  # RMS of the response per unit
@@ -91,10 +91,10 @@ def agreement(
     return tuple(rows)
 
 
-def _own_steps(
+def own_steps(
     e: np.ndarray, design: np.ndarray, groups: list[np.ndarray], size: discrepancy.Sizes
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The steps (m,) that the runs ask for, their covariance beside the prior, and that over runs of one leg.
+    """The steps (m,) of all values, in scales, their covariance beside the prior, and that over runs of one leg.
 
     The residuals have the covariance noise^2 I + sum of size_g^2 Phi_g Phi_g', inverted by Woodbury's formula.
     """

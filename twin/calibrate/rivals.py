@@ -12,7 +12,7 @@ import numpy as np
 from sysid.solver.iterate import Options, iterate
 from sysid.solver.searches import search
 from twin.calibrate import discrepancy
-from twin.calibrate.agreement import CHANCE, Agreement, differences
+from twin.calibrate.agreement import CHANCE, Agreement, differences, own_steps
 from twin.calibrate.problem import Free, Record, Simulations
 
 MOST = 3  # candidates that are searched, each in about a quarter of the time of a calibration
@@ -129,5 +129,7 @@ def _search(problem: Simulations, start: np.ndarray, options: Options) -> Rival:
     steps, scored = [r.Ts for r in problem.records], np.concatenate([r.scored for r in problem.records])
     groups, size = discrepancy.estimate(e, J, problem.responses_at(p), steps, scored)
     last = [int(own[-1]) for own in problem.own]
-    chance = differences(p[last], discrepancy.covariance(J, groups, size)[np.ix_(last, last)])[1]
+    spreads = problem.spreads(p)
+    _, _, sampling = own_steps(e, J * spreads, groups, size)
+    chance = differences(p[last] / spreads[last], sampling[np.ix_(last, last)])[1]
     return Rival(problem.values(p)[last], chance, float(np.sqrt(np.mean(e**2))), size.likelihood)
