@@ -14,8 +14,9 @@ from twin.follow import VISIBLE
 _LEAST = 1e-4  # a smaller probability is not told
 _CAPTION = (
     "In each panel this value alone differs between the logs, with 95 % intervals; the line is the value of all logs. "
-    "The panel that explains the differences best comes first. Logs of one leg scatter about the line by no more than "
-    "their intervals. A log without a mark does not tell the value."
+    "The panel that explains the differences best comes first; where a value differs, the others were searched again "
+    "beside it, so that the line may lie apart. Logs of one leg scatter about the line within their intervals. "
+    "A log without a mark does not tell the value."
 )
 _BY_LOG = (
     "Parameters with a value of their own in each log, with 95 % intervals. The joint's file has the mean over the "
@@ -28,7 +29,8 @@ def section(result: Calibration) -> list[Section]:
     if not result.agreements:
         return []
     tables = [grid(result), *([by_log(result)] if result.by_run else [])]
-    pictures = [Picture.of("agreement", figure(result), _CAPTION)]
+    is_told = any(np.any(row.told) for row in result.agreements)
+    pictures = [Picture.of("agreement", figure(result), _CAPTION)] if is_told else []
     return [Section("Do the logs agree", sentences(result), tables=tables, pictures=pictures)]
 
 
@@ -72,7 +74,7 @@ def _of_difference(row: Agreement, logs: list[str]) -> str:
 
 
 def _chance(chance: float) -> str:
-    return f"probability by chance {'below ' * (chance < _LEAST)}{number(max(chance, _LEAST), 2)}"
+    return "probability by chance " + (f"below {_LEAST}" if chance < _LEAST else number(chance, 2))
 
 
 def grid(result: Calibration) -> Grid:
