@@ -111,8 +111,10 @@ def _no_joint(result: Identification) -> NextStep | None:
     e = result.evaluation
     is_uncovered = _share_outside(e.estimation, e.validation) > MOST
     if is_uncovered or (e.joint is not None and e.joint.undetermined):
-        files = map(str, result.record.files or (result.record.path,))
-        return NextStep("this record is too short to show a joint", shlex.join(["qpal", "design", *files]))
+        record = result.record
+        first = str(record.files[0] if record.files else record.path)  # an experiment follows from one record
+        words = ["qpal", "design", first, *record.options]
+        return NextStep("this record is too short to show a joint", shlex.join(words))
     reason = "the record is not that of an actuated joint"
     if result.selection is None:
         return NextStep(reason, command(result, structure="auto"))

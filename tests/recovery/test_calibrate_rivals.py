@@ -1,5 +1,7 @@
 """Which value differs between runs, where one step from the common value does not tell, and what is then written."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,12 @@ def test_a_delay_of_one_day_is_told_from_the_lag(days):
     result = calibrate([days[0], late], "shoulder", base, names=("rotor_inertia", "coulomb", "delay"))
     assert result.differing[0].name == "delay"
     assert np.diff(result.differing[0].values) == pytest.approx(0.05, abs=0.01)
+
+
+def test_logs_of_one_name_get_files_of_their_own():
+    calibration = SimpleNamespace(joint="thigh", provenance={"logs": ["day.csv", "day.csv", "other.csv"]})
+    names = [advice.file_of_log(calibration, k) for k in range(3)]
+    assert names == ["thigh-day-1.toml", "thigh-day-2.toml", "thigh-other.toml"]
 
 
 def test_friction_of_one_day_is_named_and_each_log_gets_its_file(days, tmp_path):

@@ -129,8 +129,9 @@ def what_to_record(joint: str, row: str) -> str:
 
 
 def file_of_log(calibration: Calibration, k: int) -> str:
-    """The name of the file with the values of log number k."""
-    return f"{calibration.joint}-{Path(calibration.provenance['logs'][k]).stem}.toml"
+    """The name of the file with the values of log number k, which has its number where two logs have one name."""
+    stems = [Path(log).stem for log in calibration.provenance["logs"]]
+    return f"{calibration.joint}-{stems[k]}{f'-{k + 1}' if stems.count(stems[k]) > 1 else ''}.toml"
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:

@@ -26,7 +26,7 @@ def check(rig: Rig, log: RobotLog) -> list[str]:
         told = [each for each in ((u, simulated) if drive.servo else (simulated,)) if np.all(np.isfinite(each))]
         if not told or min(map(np.ptp, (y, *told))) == 0.0:
             continue
-        likeness = max((float(np.corrcoef(y, each)[0, 1]) for each in told), key=lambda r: r)
+        likeness = max(float(np.corrcoef(y, each)[0, 1]) for each in told)
         ratio = float(np.std(y) / np.std(told[0]))
         text = _turned(log, drive, likeness) if likeness < -ALIKE else _unit(log, drive, likeness, ratio, k)
         if text and drive.servo:

@@ -64,7 +64,8 @@ def _of_difference(row: Agreement, logs: list[str]) -> str:
         for value, told, log in zip(row.values, row.told, logs, strict=True)
         if told
     )
-    text = f"The logs do not agree: {row.name}{f' [{q.unit}]' if q.unit else ''} is {listing} ({_chance(row.chance)})."
+    named = f"{row.name}{f' [{q.unit}]' if q.unit else ''}"
+    text = f"The logs do not agree: {named} is {listing} (probability by chance {_chance(row.chance, 'below')})."
     if row.rms is not None:
         text += f" With these values {number(np.degrees(row.rms), 2)} deg RMS of the angle are left."
     if row.odd is None:
@@ -73,8 +74,8 @@ def _of_difference(row: Agreement, logs: list[str]) -> str:
     return f"{text} {logs[row.odd]} is farthest from the others; {rest}."
 
 
-def _chance(chance: float) -> str:
-    return "probability by chance " + (f"below {_LEAST}" if chance < _LEAST else number(chance, 2))
+def _chance(chance: float, below: str) -> str:
+    return f"{below} {_LEAST}" if chance < _LEAST else number(chance, 2)
 
 
 def grid(result: Calibration) -> Grid:
@@ -86,8 +87,7 @@ def grid(result: Calibration) -> Grid:
         values += [
             number(q.factor * float(v) if told else None, 4) for v, told in zip(row.values, row.told, strict=True)
         ]
-        chance = f"< {_LEAST}" if row.chance < _LEAST else number(row.chance, 2)
-        rows.append((row.name, q.unit or "–", *values, chance, "yes" if row.differ else "no"))
+        rows.append((row.name, q.unit or "–", *values, _chance(row.chance, "<"), "yes" if row.differ else "no"))
     headings = ("parameter", "unit", "all", *result.provenance["logs"], "chance", "differ")
     return Grid(headings, rows, text_columns=2, last_text=True)
 
