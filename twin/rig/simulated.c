@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include <simavr/avr_adc.h>
+#include <simavr/avr_extint.h>
 #include <simavr/avr_ioport.h>
 #include <simavr/avr_uart.h>
 #include <simavr/sim_avr.h>
@@ -100,6 +101,11 @@ static double pin_duty(const struct bridge *b, int side) {
     return ((avr->data[compare] | avr->data[compare + 1] << 8) % 1024 + 1) / 1024.0;
 }
 
+/* The outputs are told by their registers: the PWM's own events, and polls of pins that interrupt nothing, only cost. */
+static void stop_events(const struct bridge *b) {
+    for (int k = 0; k < 16; k++) avr->io[AVR_DATA_TO_IO(b->control + k)].w.c = NULL;
+}
+
 static uint8_t enabled(void) {
     return avr->data[PORTA] & avr->data[DDRA] & 7;
 }
@@ -161,6 +167,8 @@ int main(int n, char **words) {
     avr_irq_register_notify(adc + ADC_IRQ_OUT_TRIGGER, convert, NULL);
     avr_irq_register_notify(uart + UART_IRQ_OUTPUT, tell, NULL);
     avr_cycle_timer_register(avr, LOOK_CYCLES, look, NULL);
+    for (int j = 0; j < JOINTS; j++) stop_events(&BRIDGES[j]);
+    for (uint8_t k = 0; k < EXTINT_COUNT; k++) avr_extint_set_strict_lvl_trig(avr, k, 0);
     uint64_t until = 0;
     struct shown shown;
     memset(&shown, 0, sizeof shown);
