@@ -25,8 +25,8 @@ void board_begin(void) {
     DDRL = (1 << PL3) | (1 << PL4);
     TCCR3A = TCCR4A = TCCR5A = (1 << WGM31) | (1 << WGM30); /* fast PWM of 10 bits: 15.6 kHz */
     TCCR3B = TCCR4B = TCCR5B = (1 << WGM32) | (1 << CS30);
-    UBRR0 = 16; /* 117647 baud, 2.1 % more than 115200, as the board's own core has it */
-    UCSR0A = 1 << U2X0;
+    UCSR0A = 1 << U2X0; /* first: simavr takes the baud rate from it when UBRR0 is written */
+    UBRR0 = 16;         /* 117647 baud, 2.1 % more than 115200, as the board's own core has it */
     UCSR0C = (1 << UCSZ01) | (1 << UCSZ00);
     UCSR0B = (1 << RXCIE0) | (1 << RXEN0) | (1 << TXEN0);
     DIDR0 = 0x0f;

@@ -110,6 +110,10 @@ static uint8_t do_levels(const uint8_t *p, uint8_t n) {
     if (index > received) return REFUSED_GAP;
     uint16_t known = (uint16_t)(received - index);
     if (known >= count) return 0;
+    for (uint8_t i = 3; i < n; i = (uint8_t)(i + 2)) {
+        int16_t value = (int16_t)wire_u16(p + i);
+        if (value > WIRE_LARGEST_DUTY || value < -WIRE_LARGEST_DUTY) return REFUSED_VALUE;
+    }
     if (count - known > WIRE_RING - (received - taken)) return REFUSED_ROOM;
     for (p += 3 + known * 2 * width; known < count; known++, received++) {
         for (uint8_t j = 0; j < WIRE_JOINTS; j++) {

@@ -1,5 +1,8 @@
 #include "safety.h"
 
+#define NOISE 4 /* [counts] by which two readings of a joint at rest differ, as a rule */
+#define REST_MS 3
+
 bool limits_valid(const struct limits *l) {
     return l->low < l->high && l->high < FULL_READING && l->strike && l->duty && l->duty <= WIRE_LARGEST_DUTY &&
            l->slew && l->stall && l->motion && l->motion < FULL_READING;
@@ -45,22 +48,34 @@ static bool at_limit(const struct joint *j) {
     return j->drive > 0 ? j->reading + motion >= (int16_t)j->limits.high : j->reading - motion <= (int16_t)j->limits.low;
 }
 
+/* Inertia may carry a joint on for some time after its drive has turned. */
+static uint16_t quarter(const struct joint *j) {
+    return (uint16_t)(j->limits.stall / 4 + 1);
+}
+
 static void turn(struct joint *j, int8_t drive) {
-    int32_t against = -(int32_t)travel(j) * drive; /* its inertia may carry it on: half its speed times the stall time */
-    int32_t coast = against <= 0 ? 0 : against * (int32_t)j->limits.stall / (2 * SPEED_MS);
+    int16_t against = (int16_t)(-travel(j) * drive);
     j->drive = drive;
-    j->coast = coast > FULL_READING ? FULL_READING : (int16_t)coast;
-    j->ahead = j->behind = j->reading;
+    j->coast = against > 0 ? against : 0;
+    j->turned = 0;
+    j->rests = 0;
+    j->ahead = j->reading;
 }
 
 static bool goes_against(struct joint *j) {
-    if ((j->reading - j->ahead) * j->drive > 0) j->ahead = j->reading;
-    if ((j->reading - j->behind) * j->drive < 0) j->behind = j->reading;
-    if (j->coast && (j->reading - j->behind) * j->drive >= (int16_t)j->limits.motion) {
-        j->coast = 0; /* it has turned */
+    if (j->coast) {
+        int16_t against = (int16_t)(-travel(j) * j->drive);
         j->ahead = j->reading;
+        j->rests = against > 0 ? 0 : (uint8_t)(j->rests + 1);
+        if (j->rests >= REST_MS) j->coast = 0;
+        if (against > j->coast + 2 * NOISE) return true; /* faster than before */
+        if (j->turned && j->turned % quarter(j) == 0) {
+            if (2 * against > j->coast + 2 * NOISE) return true; /* its speed has not halved */
+            if (j->coast) j->coast = against > 0 ? against : 1;
+        }
     }
-    return (int32_t)(j->ahead - j->reading) * j->drive >= (int32_t)j->limits.motion + j->coast;
+    if ((j->reading - j->ahead) * j->drive > 0) j->ahead = j->reading;
+    return (j->ahead - j->reading) * j->drive >= (int16_t)j->limits.motion;
 }
 
 static bool is_stuck(struct joint *j) {
@@ -68,15 +83,16 @@ static bool is_stuck(struct joint *j) {
         j->mark = j->reading;
         j->still = 0;
     } else if (j->drive && !at_limit(j)) {
-        j->still++;
+        j->still += j->turned < quarter(j) ? 1 : 4; /* about a reversal even a free joint hardly moves */
     }
-    return j->still >= j->limits.stall;
+    return j->still >= 4UL * j->limits.stall;
 }
 
 uint8_t joint_fault(struct joint *j) {
     if (!reading_valid(j->reading)) return FAULT_SENSOR;
     if (size(travel(j)) * (1000UL / SPEED_MS) > j->limits.strike) return FAULT_STRIKE;
     int8_t drive = drive_of(j);
+    if (j->turned < UINT16_MAX) j->turned++;
     if (drive != j->drive) turn(j, drive);
     if (drive && goes_against(j)) return FAULT_DIRECTION;
     return is_stuck(j) ? FAULT_STALL : 0;

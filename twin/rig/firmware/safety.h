@@ -25,10 +25,12 @@ struct joint {
     uint8_t next;                    /* the oldest of `past` */
     int16_t duty;                    /* played, after limits and slew */
     int8_t drive;                    /* sign of the duty while the joint is driven, else 0 */
-    int16_t ahead, behind;           /* [counts]: furthest with and against the drive since it has this sign */
-    int16_t coast;                   /* [counts] that it may still go against the drive */
+    int16_t ahead;                   /* [counts]: furthest with the drive */
+    uint16_t turned;                 /* [ms] since the drive turned */
+    int16_t coast;                   /* [counts in SPEED_MS]: speed at which it still went against the drive, or 0 */
+    uint8_t rests;                   /* [ms] for which it does not any more */
     int16_t mark;                    /* [counts]: where it last moved by the least motion */
-    uint16_t still;                  /* [ms] driven since then */
+    uint32_t still;                  /* [ms / 4] driven since then */
 };
 
 bool limits_valid(const struct limits *limits);
