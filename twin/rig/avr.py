@@ -1,7 +1,7 @@
 """The real firmware without a board: compiled, executed by simavr, its pins wired to a plant in Python.
 
-Debian has what it needs: gcc-avr, avr-libc, libsimavr-dev, libelf-dev, gcc and make. Time is simulated: a run is the same each time,
-however fast the computer is. `Port` runs it beside the wall clock, on a pseudo-terminal that a host opens.
+Debian has what it needs: gcc-avr, avr-libc, libsimavr-dev, libelf-dev, gcc and make. Time is simulated, so a run is
+the same however fast the computer is. `Port` runs it beside the wall clock, on a pseudo-terminal that a host opens.
 """
 
 import hashlib
@@ -13,6 +13,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -23,7 +24,7 @@ FIRMWARE = HERE / "firmware"
 CLOCK = 16_000_000  # [Hz]
 STEP = 0.001  # [s] between two looks at the plant
 PACKAGES = "gcc-avr, avr-libc, libsimavr-dev, libelf-dev, gcc and make"
-_REQUEST, _ANSWER = struct.Struct("<I4fBxH"), struct.Struct("<QQ3f2B2H6x")
+_REQUEST, _ANSWER = struct.Struct("<I4fBxH"), struct.Struct("<QQ3f2B2H2xI")
 
 # Mean duties (3,) of the last step, -1 to 1, and its length [s]; gives the next readings of the three
 # potentiometers and of the supply (4,), as shares of a full reading.
@@ -78,17 +79,17 @@ class Avr:
     A conversion of the ADC reads its pin with a normal error of `noise` [of 1024]. `key` is the stop key, pressed or
     not. After each step `duties` are the means of that step, `enabled` the joints whose enable pin is high, `last_on`
     the last simulated time [s] at which any output was on (looked at every 62.5 us), and `conversions` the cycles at
-    which conversions began, with their channels.
+    which conversions began, with their channels. `load` is the share of the time in which the processor did not sleep.
     """
 
     def __init__(self, plant: Plant, noise: float = 0.5, seed: int = 0) -> None:
         folder = build()
         command = [str(folder / "simulated"), str(folder / "firmware.elf"), str(seed), str(noise)]
-        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0)
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         self._plant, self._queue = plant, bytearray()
         self.time, self.key = 0.0, False
         self.duties: tuple[float, ...] = (0.0, 0.0, 0.0)
-        self.enabled, self.last_on = 0, 0.0
+        self.enabled, self.last_on, self.load = 0, 0.0, 0.0
         self.conversions: list[tuple[int, int]] = []
 
     def send(self, data: bytes) -> None:
@@ -100,28 +101,22 @@ class Avr:
         readings = self._plant(self.duties, STEP)
         data, self._queue = bytes(self._queue), bytearray()
         request = _REQUEST.pack(round(CLOCK * STEP), *readings, self.key, len(data)) + data
-        assert self._process.stdin is not None
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
         try:
-            self._process.stdin.write(request)
-            cycle, on, *duties, self.enabled, stopped, conversions, n = _ANSWER.unpack(self._read(_ANSWER.size))
-        except (BrokenPipeError, EOFError):
+            stdin.write(request)
+            stdin.flush()
+            cycle, on, *duties, enabled, stopped, conversions, n, busy = _ANSWER.unpack(stdout.read(_ANSWER.size))
+        except (BrokenPipeError, struct.error):
             raise InputError("the simulated board ended; it is a fault of the firmware or of simavr") from None
-        begun = struct.unpack(f"<{conversions}Q", self._read(8 * conversions))
+        begun, sent = struct.unpack(f"<{conversions}Q", stdout.read(8 * conversions)), stdout.read(n)
         self.conversions = [(both >> 4, both & 15) for both in begun]
-        sent = self._read(n)
-        self.time, self.last_on, self.duties = cycle / CLOCK, on / CLOCK, tuple(duties)
+        self.load = busy / (cycle - self.time * CLOCK)
+        self.time, self.last_on, self.duties, self.enabled = cycle / CLOCK, on / CLOCK, tuple(duties), enabled
         if stopped:
             raise InputError(f"the firmware stopped after {self.time:.3f} s of simulated time")
         return sent
-
-    def _read(self, n: int) -> bytes:
-        assert self._process.stdout is not None
-        data = b""
-        while len(data) < n:
-            if not (part := self._process.stdout.read(n - len(data))):
-                raise EOFError
-            data += part
-        return data
 
     def close(self) -> None:
         """End the simulation."""
@@ -166,15 +161,11 @@ class Port:
             self.lag = max(self.lag, late)
             if late < 0.0:
                 time.sleep(-late)
-            try:
+            with suppress(BlockingIOError):
                 self.avr.send(os.read(self._ours, 4096))
-            except BlockingIOError:
-                pass
             sent = self.avr.step()
-            try:
+            with suppress(BlockingIOError):  # nobody reads: the line has no memory
                 os.write(self._ours, sent)
-            except BlockingIOError:  # nobody reads: the line has no memory
-                pass
 
     def close(self) -> None:
         """End it, and the simulation too."""

@@ -33,8 +33,9 @@ struct step {
 struct shown {
     uint64_t cycle, last_on; /* the cycle until which this step ran, and the last at which any output was on */
     float duty[JOINTS];      /* mean over the step, -1 to 1 */
-    uint8_t enabled, stopped; /* bits of joints; the processor does not run any more */
-    uint16_t conversions, bytes, padding[3];
+    uint8_t enabled, stopped; /* bits of joints; whether the processor does not run any more */
+    uint16_t conversions, bytes, padding;
+    uint32_t busy; /* cycles in which the processor did not sleep */
 };
 
 static const struct bridge { /* registers of the ATmega2560's datasheet, in the data space */
@@ -57,6 +58,7 @@ static uint16_t told, conversions;
 static uint64_t begun[256], last_on;
 static double sum[JOINTS];
 static unsigned looks;
+static uint64_t asleep;
 static double noise;
 static uint64_t state;
 
@@ -122,7 +124,8 @@ static avr_cycle_count_t look(avr_t *a, avr_cycle_count_t when, void *param) {
 }
 
 static void no_wait(avr_t *a, avr_cycle_count_t cycles) {
-    (void)a, (void)cycles;
+    (void)a;
+    asleep += cycles + 1;
 }
 
 static void silent(avr_t *a, const int level, const char *format, va_list list) {
@@ -182,7 +185,10 @@ int main(int n, char **words) {
         looks = told = conversions = 0;
         until += step.cycles;
         int run = cpu_Running;
+        uint64_t begin = avr->cycle;
+        asleep = 0;
         while (avr->cycle < until && run != cpu_Done && run != cpu_Crashed) run = avr_run(avr);
+        shown.busy = (uint32_t)(avr->cycle - begin - asleep);
         shown.cycle = avr->cycle;
         shown.last_on = last_on;
         shown.enabled = enabled();
