@@ -2,8 +2,11 @@
 
 import ctypes
 import itertools
+import os
 import re
+import select
 import subprocess
+import tty
 
 import numpy as np
 import pytest
@@ -301,11 +304,10 @@ def test_after_a_fault_it_plays_again_when_it_is_armed_again(still):
 
 
 def test_a_host_opens_the_simulated_board_like_a_port(still):
-    import os
-    import select
-    import tty
-
-    with Port(Avr(still)) as port:
+    board = Avr(still)
+    for _ in range(5):  # it starts
+        board.step()
+    with Port(board) as port:
         handle = os.open(port.port, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(handle)
         os.write(handle, wire.frame(wire.Hello(), 0))

@@ -4,13 +4,20 @@
 #include <avr/io.h>
 #include <avr/sleep.h>
 #include <avr/wdt.h>
+#include <string.h>
 
 #define CHANNELS 4
 #define CONVERSIONS (4 * CHANNELS) /* of 52 us, in turn, within a millisecond */
+#define MESSAGES 8
+#define LARGEST_ANSWER 32 /* bytes of a payload; IDENTITY has 29 */
 #define ENABLES ((1 << PA0) | (1 << PA1) | (1 << PA2))
 
 static volatile uint8_t received[256], heard, read; /* rings whose places run over by themselves */
 static volatile uint8_t queued[256], last, sent;
+static struct message {
+    uint8_t type, sequence, length, payload[LARGEST_ANSWER];
+} messages[MESSAGES]; /* a ring too: from the control loop to the main loop */
+static volatile uint8_t written, encoded;
 static volatile uint8_t conversion;
 static uint16_t sums[CHANNELS], scan[CHANNELS];
 static volatile bool alive, busy, overran;
@@ -127,16 +134,32 @@ ISR(USART0_UDRE_vect) {
     sent++;
 }
 
+/* Called from the control loop, which has no time for check sums. */
 void link_send(uint8_t type, const uint8_t *payload, uint8_t n) {
     static uint8_t sequence;
+    uint8_t number = sequence++; /* a frame for which there is no room leaves a gap that the host sees */
+    if ((uint8_t)(written - encoded) == MESSAGES) return;
+    struct message *m = &messages[written % MESSAGES];
+    m->sequence = number;
+    m->type = type;
+    m->length = n;
+    memcpy(m->payload, payload, n);
+    written++;
+}
+
+void board_send(void) {
     uint8_t frame[WIRE_LARGEST_FRAME];
-    uint8_t length = wire_frame(frame, type, sequence++, payload, n);
-    if ((uint8_t)(sent - last - 1) < length) return; /* the host sees the gap in the sequence numbers */
-    for (uint8_t i = 0; i < length; i++) queued[(uint8_t)(last + i)] = frame[i];
-    last = (uint8_t)(last + length);
-    cli();
-    UCSR0B |= 1 << UDRIE0;
-    sei();
+    while (encoded != written) {
+        const struct message *m = &messages[encoded % MESSAGES];
+        uint8_t length = wire_frame(frame, m->type, m->sequence, m->payload, m->length);
+        if ((uint8_t)(sent - last - 1) < length) return;
+        for (uint8_t i = 0; i < length; i++) queued[(uint8_t)(last + i)] = frame[i];
+        last = (uint8_t)(last + length);
+        encoded++;
+        cli();
+        UCSR0B |= 1 << UDRIE0;
+        sei();
+    }
 }
 
 void board_wait(void) {

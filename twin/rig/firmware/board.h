@@ -26,6 +26,9 @@ void board_cut(void);
 /* The next byte from the host, or -1. */
 int16_t board_byte(void);
 
+/* Puts what the control loop has to say on the line, as far as there is room. */
+void board_send(void);
+
 /* Waits for the next interrupt, and tells the watchdog of the processor that the main loop goes on. */
 void board_wait(void);
 

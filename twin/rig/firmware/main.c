@@ -1,4 +1,4 @@
-/* The firmware of the rig: docs/rig-protocol.md. Here frames are received; all else happens in the control loop. */
+/* The firmware of the rig: docs/rig-protocol.md. Here frames are received and sent; all else happens in the control loop. */
 #include <stddef.h>
 
 #include "board.h"
@@ -38,6 +38,7 @@ int main(void) {
     for (;;) {
         int16_t byte = body ? -1 : board_byte();
         if (byte < 0) {
+            board_send();
             board_wait();
         } else if (byte == 0) {
             if (n) close_frame(n, whole);

@@ -1,9 +1,9 @@
 #include "safety.h"
 
-#define NOISE 4 /* [counts] by which two readings of a joint at rest differ, as a rule */
-#define REST_MS 3
-
-bool limits_valid(const struct limits *l) {
+bool limits_complete(struct limits *l) {
+    l->jump = (uint16_t)(l->strike / 250 + FULL_READING / 64); /* at four times the limit of speed, and noise */
+    l->quarter = (uint16_t)(l->stall / 4 + 2);
+    l->decay = (uint16_t)(65536UL / l->quarter);
     return l->low < l->high && l->high < FULL_READING && l->strike && l->duty && l->duty <= WIRE_LARGEST_DUTY &&
            l->slew && l->stall && l->motion && l->motion < FULL_READING;
 }
@@ -17,17 +17,16 @@ static uint16_t size(int16_t value) {
 }
 
 bool joint_read(struct joint *j, int16_t reading) {
-    /* Four times the limit of speed in 1 ms, and 1/64 of the range for noise. */
-    bool near = size((int16_t)(reading - j->reading)) <= j->limits.strike / 250 + FULL_READING / 64;
+    bool near = size((int16_t)(reading - j->reading)) <= j->limits.jump;
     j->past[j->next] = j->reading;
-    j->next = (uint8_t)((j->next + 1) % SPEED_MS);
+    j->next = (uint8_t)((j->next + 1) % PAST_MS);
     j->reading = reading;
     return near;
 }
 
-/* [counts] in SPEED_MS, positive upward. */
-static int16_t travel(const struct joint *j) {
-    return (int16_t)(j->reading - j->past[j->next]);
+/* [counts] in the last `ms`, positive upward. */
+static int16_t travel(const struct joint *j, uint8_t ms) {
+    return (int16_t)(j->reading - j->past[(uint8_t)(j->next - ms) % PAST_MS]);
 }
 
 void joint_rest(struct joint *j) {
@@ -48,34 +47,20 @@ static bool at_limit(const struct joint *j) {
     return j->drive > 0 ? j->reading + motion >= (int16_t)j->limits.high : j->reading - motion <= (int16_t)j->limits.low;
 }
 
-/* Inertia may carry a joint on for some time after its drive has turned. */
-static uint16_t quarter(const struct joint *j) {
-    return (uint16_t)(j->limits.stall / 4 + 1);
-}
-
 static void turn(struct joint *j, int8_t drive) {
-    int16_t against = (int16_t)(-travel(j) * drive);
+    int16_t against = (int16_t)(-travel(j, PAST_MS) * drive);
     j->drive = drive;
-    j->coast = against > 0 ? against : 0;
     j->turned = 0;
-    j->rests = 0;
-    j->ahead = j->reading;
+    j->ahead = j->reading * 256L;
+    j->pace = against > 0 ? (uint16_t)(against * (256 / PAST_MS)) : 0;
 }
 
 static bool goes_against(struct joint *j) {
-    if (j->coast) {
-        int16_t against = (int16_t)(-travel(j) * j->drive);
-        j->ahead = j->reading;
-        j->rests = against > 0 ? 0 : (uint8_t)(j->rests + 1);
-        if (j->rests >= REST_MS) j->coast = 0;
-        if (against > j->coast + 2 * NOISE) return true; /* faster than before */
-        if (j->turned && j->turned % quarter(j) == 0) {
-            if (2 * against > j->coast + 2 * NOISE) return true; /* its speed has not halved */
-            if (j->coast) j->coast = against > 0 ? against : 1;
-        }
-    }
-    if ((j->reading - j->ahead) * j->drive > 0) j->ahead = j->reading;
-    return (j->ahead - j->reading) * j->drive >= (int16_t)j->limits.motion;
+    int32_t place = j->reading * 256L;
+    j->ahead -= (int32_t)j->pace * j->drive;
+    if (j->pace) j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16)); /* it ends */
+    if ((place - j->ahead) * j->drive > 0) j->ahead = place;
+    return (j->ahead - place) * j->drive >= j->limits.motion * 256L;
 }
 
 static bool is_stuck(struct joint *j) {
@@ -83,14 +68,14 @@ static bool is_stuck(struct joint *j) {
         j->mark = j->reading;
         j->still = 0;
     } else if (j->drive && !at_limit(j)) {
-        j->still += j->turned < quarter(j) ? 1 : 4; /* about a reversal even a free joint hardly moves */
+        j->still += j->turned < j->limits.quarter ? 1 : 4; /* about a reversal even a free joint hardly moves */
     }
     return j->still >= 4UL * j->limits.stall;
 }
 
 uint8_t joint_fault(struct joint *j) {
     if (!reading_valid(j->reading)) return FAULT_SENSOR;
-    if (size(travel(j)) * (1000UL / SPEED_MS) > j->limits.strike) return FAULT_STRIKE;
+    if (size(travel(j, SPEED_MS)) * (1000UL / SPEED_MS) > j->limits.strike) return FAULT_STRIKE;
     int8_t drive = drive_of(j);
     if (j->turned < UINT16_MAX) j->turned++;
     if (drive != j->drive) turn(j, drive);

@@ -7,7 +7,8 @@
 
 #define FULL_READING 4092 /* [counts]: the sum of four conversions of 10 bits */
 #define EDGE 41           /* [counts]: 1 % of a full reading; a wiper that hangs loose is pulled there by its resistor */
-#define SPEED_MS 8        /* [ms] over which a speed is taken: one count is then 125 counts/s */
+#define SPEED_MS 8        /* [ms] over which the speed of a strike is taken: one count is then 125 counts/s */
+#define PAST_MS 32        /* [ms] over which a joint at rest is told from one that coasts */
 
 struct limits {
     uint16_t low, high; /* [counts] */
@@ -17,23 +18,27 @@ struct limits {
     uint16_t stall;     /* [ms] */
     uint16_t motion;    /* [counts] */
     bool reversed, used;
+    /* What follows from them, since a division is slow here: */
+    uint16_t jump;    /* [counts]: further than the joint can move in 1 ms */
+    uint16_t quarter; /* [ms]: of the stall time, the longest time constant with which a joint may coast */
+    uint16_t decay;   /* [1/65536]: share of its speed that such a joint loses in 1 ms */
 };
 
 struct joint {
     struct limits limits;
-    int16_t reading, past[SPEED_MS]; /* [counts] */
-    uint8_t next;                    /* the oldest of `past` */
-    int16_t duty;                    /* played, after limits and slew */
-    int8_t drive;                    /* sign of the duty while the joint is driven, else 0 */
-    int16_t ahead;                   /* [counts]: furthest with the drive */
-    uint16_t turned;                 /* [ms] since the drive turned */
-    int16_t coast;                   /* [counts in SPEED_MS]: speed at which it still went against the drive, or 0 */
-    uint8_t rests;                   /* [ms] for which it does not any more */
-    int16_t mark;                    /* [counts]: where it last moved by the least motion */
-    uint32_t still;                  /* [ms / 4] driven since then */
+    int16_t reading, past[PAST_MS]; /* [counts] */
+    uint8_t next;                   /* place of the oldest of `past`, one for each millisecond */
+    int16_t duty;                   /* played, after limits and slew */
+    int8_t drive;                   /* sign of the duty while the joint is driven, else 0 */
+    uint16_t turned;                /* [ms] since the drive turned */
+    int32_t ahead;                  /* [counts / 256]: furthest with the drive, less what a joint may coast against it */
+    uint16_t pace;                  /* [counts / 256 / ms] at which it may still coast */
+    int16_t mark;                   /* [counts]: where it last moved by the least motion */
+    uint32_t still;                 /* [ms / 4] driven since then */
 };
 
-bool limits_valid(const struct limits *limits);
+/* Completes limits that the host has sent; returns false if they are none. */
+bool limits_complete(struct limits *limits);
 
 bool reading_valid(int16_t reading);
 
