@@ -1,0 +1,322 @@
+"""What host and firmware say to each other, as bytes: frames, messages, and a receiver that counts what is damaged.
+
+The numbers are those of docs/rig-protocol.md.
+"""
+
+import struct
+from binascii import crc_hqx
+from dataclasses import astuple, dataclass, field
+from typing import ClassVar
+
+from sysid.base.errors import InputError
+
+VERSION = 1
+BAUD = 115_200
+FULL = 1023  # duty of the whole supply
+RING = 256  # levels that the firmware keeps, of each joint
+JOINTS = 3
+PAYLOAD = 56  # bytes
+LONGEST = PAYLOAD + 5  # bytes of an encoded frame without its zero: type, sequence, check sum and COBS
+ALIVE_EVERY, LINK = 0.01, 0.04  # [s] between two ALIVE, and without a good frame until the drive goes off
+STORM = 8  # bad frames in a row
+IDLE_RATE = 20.0  # [Hz] of SAMPLE while nothing runs
+HALF_MS = 0.0005  # [s], the unit of a period
+OFF, ARMED, RUNNING, ENDED, FAILED = range(5)  # states
+STATES = ("off", "armed", "running", "ended", "in fault")
+NO_JOINT = 255
+REVERSED, USED = 1, 2  # flags of SETUP
+
+REFUSALS = {
+    1: "it is not in a state for this",
+    2: "a value is out of its range",
+    3: "no joint is used, or levels are missing",
+    4: "a reading is not within the range of a working sensor",
+    5: "too few levels were sent",
+    6: "the ring is full",
+    7: "levels are missing before these",
+    8: "the stop key is pressed",
+    9: "there is no supply",
+}
+STATE, VALUE, SETUP, SENSOR, FEW, ROOM, GAP, KEY, NO_SUPPLY = REFUSALS
+FAULTS = {
+    1: "it was stopped",
+    2: "the link was lost",
+    3: "the line is noisy: many frames in a row were damaged",
+    4: "it did not move under drive (stall)",
+    5: "its sensor has no believable reading",
+    6: "it moved faster than its limit (strike)",
+    7: "it moved against its drive",
+    8: "the supply was lost",
+    9: "the levels came too slowly",
+    10: "the control loop was too slow",
+}
+STOPPED, LINK_LOST, NOISY, STALL, NO_SENSOR, STRIKE, DIRECTION, SUPPLY_LOST, STARVED, OVERRUN = FAULTS
+
+
+class Damaged(ValueError):  # noqa: N818 - reads as what it says
+    """Bytes that are no frame of this protocol."""
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A message whose payload is its fields, one after the other, in `layout`."""
+
+    code: ClassVar[int] = 0
+    layout: ClassVar[str] = "<"
+
+    def pack(self) -> bytes:
+        """The payload. Raises InputError for a number that its field cannot hold."""
+        try:
+            return struct.pack(self.layout, *astuple(self))
+        except struct.error as error:
+            raise InputError(f"{type(self).__name__.upper()} cannot hold {astuple(self)} ({error})") from None
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "Plain":
+        """The message of a payload. Raises Damaged for another length."""
+        if len(payload) != struct.calcsize(cls.layout):
+            raise Damaged(f"{cls.__name__.upper()} has {len(payload)} bytes")
+        return cls(*struct.unpack(cls.layout, payload))
+
+
+@dataclass(frozen=True)
+class Hello(Plain):
+    """Who is there?"""
+
+    code: ClassVar[int] = 0x01
+    layout: ClassVar[str] = "<B"
+    protocol: int = VERSION
+
+
+@dataclass(frozen=True)
+class Setup(Plain):
+    """The limits of a joint, in counts, duty and ms."""
+
+    code: ClassVar[int] = 0x02
+    layout: ClassVar[str] = "<B7HB"
+    joint: int
+    low: int
+    high: int
+    strike: int
+    duty: int
+    slew: int
+    stall: int
+    motion: int
+    flags: int
+
+
+@dataclass(frozen=True)
+class Levels(Plain):
+    """Levels [duty] of all used joints from number `index` on: `values` has n of each joint, level by level."""
+
+    code: ClassVar[int] = 0x03
+    index: int
+    n: int
+    values: tuple[int, ...]
+
+    def pack(self) -> bytes:
+        """The payload."""
+        try:
+            return struct.pack(f"<HB{len(self.values)}h", self.index, self.n, *self.values)
+        except struct.error as error:
+            raise InputError(f"LEVELS cannot hold these numbers ({error})") from None
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "Levels":
+        """The message of a payload. Raises Damaged for a length that does not fit its number of levels."""
+        count, odd = divmod(len(payload) - 3, 2)
+        if count < 0 or odd or (payload[2] and count % payload[2]) or (count and not payload[2]):
+            raise Damaged(f"LEVELS has {len(payload)} bytes")
+        return cls(*struct.unpack("<HB", payload[:3]), struct.unpack(f"<{count}h", payload[3:]))
+
+
+@dataclass(frozen=True)
+class Arm(Plain):
+    """Make ready: period of a sample [0.5 ms], number of samples, samples for which each level is held."""
+
+    code: ClassVar[int] = 0x04
+    layout: ClassVar[str] = "<3H"
+    period: int
+    samples: int
+    hold: int
+
+
+@dataclass(frozen=True)
+class Start(Plain):
+    """Play."""
+
+    code: ClassVar[int] = 0x05
+
+
+@dataclass(frozen=True)
+class Stop(Plain):
+    """Drive off."""
+
+    code: ClassVar[int] = 0x06
+
+
+@dataclass(frozen=True)
+class Alive(Plain):
+    """The host is there."""
+
+    code: ClassVar[int] = 0x07
+
+
+@dataclass(frozen=True)
+class Identity(Plain):
+    """Who answers HELLO; `clock` [Hz] is the processor's, `full` the counts of a full reading."""
+
+    code: ClassVar[int] = 0x81
+    layout: ClassVar[str] = "<5B2HI16s"
+    protocol: int
+    major: int
+    minor: int
+    patch: int
+    joints: int
+    ring: int
+    full: int
+    clock: int
+    raw_name: bytes
+
+    @property
+    def name(self) -> str:
+        """The firmware's name."""
+        return self.raw_name.rstrip(b"\0").decode("ascii", "replace")
+
+    @property
+    def firmware(self) -> str:
+        """The firmware's version."""
+        return f"{self.major}.{self.minor}.{self.patch}"
+
+
+@dataclass(frozen=True)
+class Done(Plain):
+    """The answer to the frame `sequence` of type `answered`: 0, or the number of a refusal."""
+
+    code: ClassVar[int] = 0x82
+    layout: ClassVar[str] = "<3B"
+    answered: int
+    sequence: int
+    reason: int
+
+
+@dataclass(frozen=True)
+class Sample(Plain):
+    """A reading: per joint (counts, duty that is played from then on), then what holds for all.
+
+    `clock` [us] wraps after 71 minutes. `supply` [counts], `limits` are bits of joints, `free` the room of the ring,
+    `dropped` the damaged frames that the firmware has counted.
+    """
+
+    code: ClassVar[int] = 0x83
+    number: int
+    clock: int
+    joints: tuple[tuple[int, int], ...]
+    supply: int
+    state: int
+    limits: int
+    free: int
+    dropped: int
+
+    def pack(self) -> bytes:
+        """The payload."""
+        parts = [struct.pack("<HI", self.number, self.clock), *(struct.pack("<Hh", *joint) for joint in self.joints)]
+        return b"".join(parts) + struct.pack("<HBBHB", self.supply, self.state, self.limits, self.free, self.dropped)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "Sample":
+        """The message of a payload. Raises Damaged for another length."""
+        count, odd = divmod(len(payload) - 13, 4)
+        if odd or not 1 <= count <= JOINTS:
+            raise Damaged(f"SAMPLE has {len(payload)} bytes")
+        head, rest = struct.unpack_from("<HI", payload), struct.unpack_from("<HBBHB", payload, 6 + 4 * count)
+        return cls(*head, tuple(struct.iter_unpack("<Hh", payload[6 : 6 + 4 * count])), *rest)
+
+
+@dataclass(frozen=True)
+class Fault(Plain):
+    """The drive went off by itself; `clock` [us]."""
+
+    code: ClassVar[int] = 0x84
+    layout: ClassVar[str] = "<BBI"
+    reason: int
+    joint: int
+    clock: int
+
+
+FROM_HOST = {kind.code: kind for kind in (Hello, Setup, Levels, Arm, Start, Stop, Alive)}
+FROM_FIRMWARE = {kind.code: kind for kind in (Identity, Done, Sample, Fault)}
+
+
+def check_sum(body: bytes) -> int:
+    """CRC-16/CCITT-FALSE."""
+    return crc_hqx(body, 0xFFFF)
+
+
+def stuff(body: bytes) -> bytes:
+    """A body of less than 254 bytes without zeros (COBS: Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999)."""
+    return b"".join(bytes([len(part) + 1]) + part for part in body.split(b"\0"))
+
+
+def unstuff(line: bytes) -> bytes:
+    """The body of a line that `stuff` made. Raises Damaged for one that it cannot have made."""
+    parts, place = [], 0
+    while place < len(line):
+        end = place + line[place]
+        if end > len(line):
+            raise Damaged("a frame ends too early")
+        parts.append(line[place + 1 : end])
+        place = end
+    return b"\0".join(parts)
+
+
+def frame(message: Plain, sequence: int) -> bytes:
+    """A message as its frame, with the zero at the end."""
+    body = bytes([message.code, sequence & 0xFF]) + message.pack()
+    return stuff(body + struct.pack("<H", check_sum(body))) + b"\0"
+
+
+def message_of(line: bytes, kinds: dict[int, type[Plain]]) -> tuple[int, Plain]:
+    """Sequence number and message of a frame without its zero. Raises Damaged."""
+    if len(line) > LONGEST:
+        raise Damaged(f"a frame of {len(line)} bytes")
+    body = unstuff(line)
+    if len(body) < 4 or check_sum(body[:-2]) != int.from_bytes(body[-2:], "little"):
+        raise Damaged("wrong check sum")
+    if body[0] not in kinds:
+        raise Damaged(f"unknown type {body[0]:#04x}")
+    return body[1], kinds[body[0]].unpack(body[2:-2])
+
+
+@dataclass
+class Receiver:
+    """Messages from bytes in pieces of any size; counts damaged frames, and those that are missing by their numbers.
+
+    `row` is the number of damaged frames since the last good one.
+    """
+
+    kinds: dict[int, type[Plain]]
+    bad: int = 0
+    row: int = 0
+    missing: int = 0
+    _rest: bytearray = field(default_factory=bytearray)
+    _last: int | None = None
+
+    def feed(self, data: bytes) -> list[tuple[int, Plain]]:
+        """The messages that end in `data`, with their sequence numbers."""
+        *lines, rest = (bytes(self._rest) + data).split(b"\0")
+        self._rest = bytearray(rest[-4 * LONGEST :])  # what never ends is no frame
+        found = []
+        for line in filter(None, lines):
+            try:
+                sequence, message = message_of(line, self.kinds)
+            except Damaged:
+                self.bad += 1
+                self.row += 1
+                continue
+            self.row = 0
+            if self._last is not None:
+                self.missing += (sequence - self._last - 1) % 256
+            self._last = sequence
+            found.append((sequence, message))
+        return found
