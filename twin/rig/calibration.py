@@ -31,6 +31,7 @@ _COMMENTS = {
     "high_angle": "[rad] there",
     "soft_low": "[rad] below which the motor is cut in that direction",
     "soft_high": "[rad] above which it is cut",
+    "linearity": "[rad] largest deviation of the sensor from a straight line, by its data sheet",
     "crossing": "[s] from end to end at the supply's voltage, about",
 }
 
@@ -61,6 +62,7 @@ class Calibration(BaseModel):
     soft_low: float | None = None
     soft_high: float | None = None
     crossing: float | None = None
+    linearity: float = Field(0.0, ge=0)
 
     @model_validator(mode="after")
     def _agree(self) -> "Calibration":
@@ -147,6 +149,12 @@ class Calibration(BaseModel):
         return InputError(f"the ends of the {self.joint} have no angles yet; run qpal rig zero first")
 
 
+def of_joint(port: str, joint: str, channel: int, supply: float, largest: float, linearity: float) -> Calibration:
+    """What is known of a joint before it has moved. Raises InputError for values that do not fit each other."""
+    values = {"port": port, "joint": joint, "channel": channel, "supply": supply, "largest": largest}
+    return _valid({**values, "linearity": linearity}, "this rig", "correct it")
+
+
 ENDS = ("low_counts", "low_angle", "high_counts", "high_angle", "soft_low", "soft_high")
 
 
@@ -164,13 +172,17 @@ def read(path: str | Path) -> Calibration:
         raise InputError(f"{source}: {error.strerror}; make it with qpal rig wire") from None
     except ValueError as error:
         raise InputError(f"{source} is no TOML file ({error}); correct it, or make it anew with qpal rig wire") from None
+    return _valid(content, str(source), "correct it, or make the file anew with qpal rig wire")
+
+
+def _valid(content: dict[str, Any], source: str, remedy: str) -> Calibration:
     try:
         return Calibration.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
         found = f"{place}: {first['msg']}" if place else first["msg"].removeprefix("Value error, ")
-        raise InputError(f"{source}: {found}; correct it, or make the file anew with qpal rig wire") from None
+        raise InputError(f"{source}: {found}; {remedy}") from None
 
 
 def write(calibration: Calibration, path: str | Path) -> Path:

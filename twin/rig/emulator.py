@@ -186,6 +186,16 @@ class Emulator:
             os.close(self._master)
             os.close(self._slave)
 
+    @property
+    def supply(self) -> float:
+        """[V]."""
+        return self.plant.supply_volts
+
+    @property
+    def linearity(self) -> float:
+        """Largest deviation of the potentiometer from a straight line, by its data sheet [rad]."""
+        return self.plant.pot.nonlinearity
+
     def truth(self, Ts: float) -> dict[str, float]:
         """The hidden values, with names and units of `sysid.joint_values`."""
         return twin_truth(self.joint, Ts, self.plant.experiment.p)

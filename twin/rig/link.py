@@ -24,7 +24,7 @@ class Lost(InputError):  # noqa: N818 - reads as what it says
 class Link:
     """A rig on `port`, open and greeted; a context manager that stops the rig and closes the port at its end.
 
-    `identity` is what the firmware said of itself. Raises InputError where the port cannot be opened, is held by
+    `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. Raises InputError where the port cannot be opened, is held by
     another program, or answers something else; every call raises Lost once the port is gone.
     """
 
@@ -35,6 +35,7 @@ class Link:
         self._inbox: deque[tuple[int, wire.Plain]] = deque()
         self._sequence, self._lock = 0, threading.Lock()
         self._foreign = 0
+        self.rig_seconds = 0.0  # in which the rig was played or read
         self.fault_clock: int | None = None  # of the last FAULT that was heard: each is sent three times
         try:
             self.identity = self._greet()

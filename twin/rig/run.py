@@ -131,7 +131,9 @@ class _Player:
         link, N = self.link, len(self.levels)
         for _ in range(ATTEMPTS):
             _done(link.ask(wire.Stop()), "STOP")
-            _done(link.ask(setup), "the limits")
+            for joint in range(link.identity.joints):
+                unused = wire.Setup(joint, *[0] * 8)
+                _done(link.ask(setup if joint == setup.joint else unused), "the limits")
             self.sent = 0
             while self.sent < min(N, wire.RING):
                 _done(self._send_levels(min(N, wire.RING) - self.sent), "levels")
@@ -248,7 +250,9 @@ def play(
             if not player.seen:
                 raise
             error = lost
-    return player.recording(error, before)
+    recording = player.recording(error, before)
+    link.rig_seconds += recording.duration
+    return recording
 
 
 def _done(reason: int | None, what: str) -> None:

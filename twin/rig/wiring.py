@@ -43,6 +43,7 @@ def read_sensors(link: Link, samples: int = 8) -> Readings:
         for message in link.receive():
             if isinstance(message, wire.Sample) and len(message.joints) == wire.JOINTS:
                 rows.append([reading for reading, _ in message.joints])
+    link.rig_seconds += samples / wire.IDLE_RATE
     if len(rows) < 2:
         raise InputError(f"{link.port}: the rig sends no readings; check its firmware")
     return Readings(np.mean(rows, axis=0), np.std(rows, axis=0))
