@@ -27,7 +27,7 @@ TS = 0.02  # [s]: a lag and a delay of 70 ms are told apart at this, not at 100 
 HALF, HALVES = 1.6, 12
 SHORTEST, LONGEST = 40.0, 125.0  # [s] of the first sweep
 BUDGET = 600.0  # [s] of rig time, with the wiring and the zero
-PART = 0.6  # of the time that is left, for a designed experiment that is not the last
+PART = 0.75  # of the time that is left, for a designed experiment that is not the last
 LEAST = 20.0  # [s] of a record that ended early and is still identified
 
 
@@ -166,11 +166,20 @@ def campaign(
 
 
 def _shortened(plan: Design, seconds: float, largest: float) -> Input:
-    """The whole parts of a design that fit into `seconds`, at least its first one; each ends in a rest."""
-    parts = [k for k, phase in enumerate(plan.phases) if k == 0 or phase.stop * plan.Ts <= seconds]
-    played = plan.phases[: parts[-1] + 1]
-    names = ", ".join(dict.fromkeys(phase.name for phase in played))
-    return Input(np.clip(plan.u[: played[-1].stop], -largest, largest), plan.Ts, f"for {names}")
+    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones.
+
+    Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out.
+    """
+    names = [phase.name for phase in plan.phases]
+    places = [names[:k].count(name) for k, name in enumerate(names)]
+    lengths = [phase.stop - phase.start for phase in plan.phases]
+    chosen: list[int] = []
+    for k in sorted(range(len(names)), key=lambda k: (places[k], lengths[k])):
+        if not chosen or plan.Ts * (lengths[k] + sum(lengths[i] for i in chosen)) <= seconds:
+            chosen.append(k)
+    parts = [plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)]
+    what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
+    return Input(np.clip(np.concatenate(parts), -largest, largest), plan.Ts, f"for {what}")
 
 
 def _determines(value: JointValue | None) -> bool:

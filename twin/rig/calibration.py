@@ -118,7 +118,7 @@ class Calibration(BaseModel):
             int(np.clip(np.ceil(high), 1, full - 1)),
             _whole(self.strike / scale),
             _whole(self.largest / self.supply * wire.FULL),
-            _whole(self.slew / self.supply * wire.FULL * 1e-3, wire.FULL),
+            _whole(self.slew / self.supply * wire.FULL * 1e-3, 2 * wire.FULL),
             _whole(self.stall * 1e3),
             _whole(self.motion / scale),
             wire.USED + wire.REVERSED * self.motor_reversed,

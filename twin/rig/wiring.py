@@ -175,8 +175,8 @@ def zero(calibration: Calibration, ends: Ends, low_angle: float, high_angle: flo
     """
     if not abs(high_angle - low_angle) > 1e-3:
         raise InputError(f"both ends have the angle {np.rad2deg(low_angle):.3g} deg; give the angle of each")
-    moves = 0.5 * (calibration.moves_up + calibration.moves_down) * DRY
-    crossing = ends.seconds * max(ends.share - DRY * calibration.moves_up, 0.02) / max(1.0 - moves, 0.02)
+    slower = DRY * max(calibration.moves_up, calibration.moves_down)
+    crossing = ends.seconds * max(ends.share - DRY * calibration.moves_up, 0.02) / max(1.0 - slower, 0.02)
     beyond = SOFT * calibration.motion
     return calibration.model_copy(
         update={
