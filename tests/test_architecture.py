@@ -43,7 +43,7 @@ FLOORS = {
         ("experiment", "robot", "truth"),
         ("design", "ensemble", "follow", "fragment", "pendulum", "signatures", "view"),
         ("bench", "calibrate", "compare", "studies"),
-        ("mjcf",),
+        ("mjcf", "rig"),
         ("report",),
         ("app",),
         ("cli",),

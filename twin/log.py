@@ -16,7 +16,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.channels.clock import contradiction_of_header, stated_sampling_time
 from sysid.channels.column import parse_header
 from sysid.channels.guess import guess
-from sysid.channels.mapping import Channel, ChannelMap, Clock
+from sysid.channels.mapping import Channel, ChannelMap, Clock, Repair
 from sysid.channels.reading import Mapping as MapOrFile
 from sysid.channels.reading import read_map_of, sample
 from sysid.channels.roles import REFERENCE
@@ -169,7 +169,9 @@ def _map_of_log(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
                 u, y, true_signals = (
                     tuple(Channel(column=name, unit=group_unit) for name in group) for group, group_unit in groups
                 )
-                return ChannelMap(clock=Clock(column=TIME), input=u, output=y, other=true_signals)
+                # A rig leaves the cell of a sample empty that it has lost.
+                repair = Repair(empty="outputs") if "rig" in meta else Repair()
+                return ChannelMap(clock=Clock(column=TIME), input=u, output=y, other=true_signals, repair=repair)
     return None
 
 

@@ -100,9 +100,11 @@ def check_written(path: str | os.PathLike[str]) -> Path:
     return path
 
 
-@checked
+@checked(deferred=("columns",))  # nan is a missing sample
 def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray], header: str = "") -> Path:
     """Write columns (N,) by name to `path`, under a temporary name first, so that no incomplete file appears.
+
+    A sample that is nan is missing; in a text table its cell is empty.
 
     Raises InputError for a suffix that no format writes and for a place that cannot be written to.
     """

@@ -61,7 +61,7 @@ class Delimited:
         with path.open("wb") as file:
             for line in header.split("\n") if header else ():
                 file.write(f"# {HEADER} {line}\n".encode())
-            polars.DataFrame(dict(columns)).write_csv(file)
+            polars.DataFrame(dict(columns)).fill_nan(None).write_csv(file)
 
     def header(self, path: Path) -> str:
         """The comment lines `# qpal: ...` at the top of the file."""

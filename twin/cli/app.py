@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperArgument
 
-from twin.cli import bench
+from twin.cli import bench, rig
 from twin.cli.browser import app as browser
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
@@ -73,6 +73,7 @@ def build() -> typer.Typer:
     app.callback()(qpal_options)
     for verb in VERBS:
         app.command(cls=_Verb)(verb)
+    app.add_typer(rig.build())
     app.add_typer(bench.build())
     return app
 

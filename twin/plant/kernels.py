@@ -125,6 +125,9 @@ def _angle_read(j, qpos):
     return _seen(j, angle + j[s.POT_NONLINEARITY] * np.sin(j[s.POT_WAVE] * angle))
 
 
+angle_read = _angle_read  # for a board outside of MuJoCo's callbacks
+
+
 @njit
 def _servo(board, j, joint, tick, period, reference, qpos):
     """Voltage [V] commanded by the position loop: PID on the potentiometer voltage, integral held at saturation."""

@@ -1,0 +1,186 @@
+"""From a rig to values: sweep, identify, design what is not determined yet, and again, until all is or patience ends."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.files import versions
+from sysid.excitations import excitation
+from sysid.joint.design import TARGETS, Design, design
+from sysid.joint.posterior import fit_joint
+from sysid.joint.values import JointValue, displayed_value, joint_values
+from sysid.structures import actuated_joint
+from twin.log import Log
+from twin.rig import wire
+from twin.rig.calibration import Calibration
+from twin.rig.link import Link
+from twin.rig.run import Input, check_input, log_of, play
+from twin.rig.wiring import go_to_middle
+
+ASKED = tuple(name for names in TARGETS.values() for name in names)
+MOST = 3  # experiments
+TS = 0.02  # [s]: a lag and a delay of 70 ms are told apart at this, not at 100 ms (docs/record.md)
+# A half period of the first sweep, in crossings at full voltage, and how many: about 22 % of it is rest at an end.
+HALF, HALVES = 1.6, 12
+SHORTEST, LONGEST = 40.0, 125.0  # [s] of the first sweep
+BUDGET = 600.0  # [s] of rig time, with the wiring and the zero
+PART = 0.75  # of the time that is left, for a designed experiment that is not the last
+LEAST = 20.0  # [s] of a record that ended early and is still identified
+
+
+@dataclass(frozen=True)
+class Round:
+    """One experiment: what was played, its log, and the joint's values from this record."""
+
+    what: str
+    log: Log
+    values: tuple[JointValue, ...]
+    fit_percent: float
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """The experiments on a joint; `truth` are the hidden values of an emulated one. `stopped` says why it ended before
+    all values were determined, empty if they are."""
+
+    joint: str
+    rounds: tuple[Round, ...]
+    rig_seconds: float
+    stopped: str = ""
+    truth: Mapping[str, float] | None = None
+
+    def values_after(self, k: int) -> dict[str, JointValue]:
+        """What is known after k experiments: each asked value from the last record that determines it."""
+        known: dict[str, JointValue] = {}
+        for done in self.rounds[:k]:
+            for value in done.values:
+                if value.name in ASKED and (value.determined or not _determines(known.get(value.name))):
+                    known[value.name] = value
+        return known
+
+    @property
+    def open(self) -> list[str]:
+        """The asked values that no record determines."""
+        known = self.values_after(len(self.rounds))
+        return [name for name in ASKED if not _determines(known.get(name))]
+
+    def with_truth(self, truth: Mapping[str, float]) -> "Campaign":
+        """The same with the hidden values."""
+        return replace(self, truth=truth)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The summary of `qpal rig auto`, ready for JSON."""
+        last = len(self.rounds)
+        return {
+            "joint": self.joint,
+            "experiments": [
+                {
+                    "what": done.what,
+                    "duration": done.log.N * done.log.Ts,
+                    "fit_percent": done.fit_percent,
+                    "rig": dict(done.log.meta["rig"]),
+                    "values": [vars(displayed_value(v)) for v in self.values_after(k + 1).values()],
+                }
+                for k, done in enumerate(self.rounds)
+            ],
+            "values": [vars(displayed_value(v)) for v in self.values_after(last).values()],
+            "not_determined": self.open,
+            "rig_seconds": self.rig_seconds,
+            "stopped": self.stopped or None,
+            "truth": None if self.truth is None else {name: self.truth[name] for name in ASKED},
+            "versions": versions(),
+        }
+
+
+def first_input(calibration: Calibration, seed: int) -> Input:
+    """A sweep between drawn levels whose half periods fit the joint's crossing."""
+    if calibration.crossing is None:
+        raise InputError(f"the ends of the {calibration.joint} have no angles yet; run qpal rig zero first")
+    half = max(round(HALF * calibration.crossing * calibration.supply / calibration.largest, 2), 10 * TS)
+    settings = {"amplitude": calibration.largest, "half_period": half, "jitter": 0.5, "shrink": 0.4}
+    N = round(float(np.clip(HALVES * half, SHORTEST, LONGEST)) / TS)
+    return Input(excitation("sweep", **settings).generate(N, TS, np.random.default_rng([seed, 43])), TS, "first sweep")
+
+
+def campaign(
+    link: Link,
+    calibration: Calibration,
+    seed: int = 0,
+    most: int = MOST,
+    budget: float = BUDGET,
+    plain_sweeps: bool = False,
+    step: Callable[[str], None] = lambda name: None,
+    share: Callable[[float], None] = lambda share: None,
+    keep: Callable[[int, Log], object] = lambda number, log: None,
+) -> Campaign:
+    """Experiments on the joint of `calibration`, at most `most`, until every value of `ASKED` is determined.
+
+    `budget` [s] is the rig time of all together: a designed experiment has only those of its parts that fit into it.
+
+    `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there.
+    With `plain_sweeps` every experiment is another sweep, to compare with. A fault that leaves less than `LEAST` s, a
+    lost port, Ctrl-C and a design that is refused end it with what is known until then.
+    """
+    done = Campaign(calibration.joint, (), link.rig_seconds)
+    given = first_input(calibration, seed)
+    for number in range(1, most + 1):
+        step(f"experiment {number} of at most {most}: {given.source}, {len(given.u) * given.Ts:.0f} s")
+        assert calibration.low_counts is not None
+        assert calibration.high_counts is not None
+        assert calibration.crossing is not None
+        go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, 2.0 * calibration.crossing)
+        levels = check_input(given, calibration)
+        recording = play(link, calibration.setup(link.identity.full), levels, given.Ts, share)
+        log = log_of(recording, calibration, link, given.source)
+        keep(number, log)
+        done = replace(done, rig_seconds=link.rig_seconds)
+        if recording.interrupted or recording.duration < LEAST:
+            return replace(done, stopped=f"experiment {number} ended early: {recording.reason}")
+        step(f"experiment {number}: identifying")
+        data = log.io()
+        found = fit_joint(data, actuated_joint(play=False, driver_step=calibration.supply / wire.FULL), seed=seed)
+        values = joint_values(found.fit, data=data, linearity=calibration.linearity)
+        this = Round(given.source, log, values, found.fit.fit_percent(data))
+        done = replace(done, rounds=(*done.rounds, this))
+        if not done.open:
+            return done
+        if number == most:
+            break
+        step(f"experiment {number + 1}: designing")
+        if plain_sweeps:
+            given = replace(first_input(calibration, seed + 1000 * number), source=f"sweep {number + 1}")
+            continue
+        targets = [name for name, values_of in TARGETS.items() if set(values_of) & set(done.open)]
+        try:
+            plan = design(found.fit, data, targets, calibration.largest, seed=seed + number, Ts=TS, to_stops=True)
+        except InputError as error:
+            return replace(done, stopped=f"no next experiment can be designed: {error}")
+        left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
+        given = _shortened(plan, left, calibration.largest)
+        if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
+            return replace(done, stopped=f"the rig time of {budget:g} s is spent")
+    return replace(done, stopped=f"{most} experiments are spent")
+
+
+def _shortened(plan: Design, seconds: float, largest: float) -> Input:
+    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones.
+
+    Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out.
+    """
+    names = [phase.name for phase in plan.phases]
+    places = [names[:k].count(name) for k, name in enumerate(names)]
+    lengths = [phase.stop - phase.start for phase in plan.phases]
+    chosen: list[int] = []
+    for k in sorted(range(len(names)), key=lambda k: (places[k], lengths[k])):
+        if not chosen or plan.Ts * (lengths[k] + sum(lengths[i] for i in chosen)) <= seconds:
+            chosen.append(k)
+    parts = [plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)]
+    what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
+    return Input(np.clip(np.concatenate(parts), -largest, largest), plan.Ts, f"for {what}")
+
+
+def _determines(value: JointValue | None) -> bool:
+    return value is not None and value.determined and value.low is not None
