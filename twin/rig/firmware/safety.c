@@ -2,7 +2,7 @@
 
 bool limits_complete(struct limits *l) {
     l->jump = (uint16_t)(l->strike / 250 + FULL_READING / 64); /* at four times the limit of speed, and noise */
-    l->quarter = (uint16_t)(l->stall / 4 + 2);
+    l->quarter = l->stall / 4 < COAST_MS ? (uint16_t)(l->stall / 4 + 2) : COAST_MS;
     l->decay = (uint16_t)(65536UL / l->quarter);
     return l->low < l->high && l->high < FULL_READING && l->strike && l->duty && l->duty <= WIRE_LARGEST_DUTY &&
            l->slew && l->stall && l->motion && l->motion < FULL_READING;
@@ -19,20 +19,17 @@ static uint16_t size(int16_t value) {
 bool joint_read(struct joint *j, int16_t reading) {
     bool near = size((int16_t)(reading - j->reading)) <= j->limits.jump;
     j->past[j->next] = j->reading;
-    j->next = (uint8_t)((j->next + 1) % PAST_MS);
+    j->next = (uint8_t)((j->next + 1) % SPEED_MS);
     j->reading = reading;
+    j->smooth += (reading * 256L - j->smooth) / 8;
+    j->slow += (reading * 256L - j->slow) / 32;
     return near;
-}
-
-/* [counts] in the last `ms`, positive upward. */
-static int16_t travel(const struct joint *j, uint8_t ms) {
-    return (int16_t)(j->reading - j->past[(uint8_t)(j->next - ms) % PAST_MS]);
 }
 
 void joint_rest(struct joint *j) {
     j->duty = 0;
     j->drive = 0;
-    j->mark = j->reading;
+    j->lowest = j->highest = j->smooth;
     j->still = 0;
 }
 
@@ -48,24 +45,25 @@ static bool at_limit(const struct joint *j) {
 }
 
 static void turn(struct joint *j, int8_t drive) {
-    int16_t against = (int16_t)(-travel(j, PAST_MS) * drive);
+    int32_t speed = (j->slow - j->smooth) * drive / (31 - 7); /* a ramp is 7 ms ahead of the one and 31 of the other */
     j->drive = drive;
     j->turned = 0;
-    j->ahead = j->reading * 256L;
-    j->pace = against > 0 ? (uint16_t)(against * (256 / PAST_MS)) : 0;
+    j->ahead = j->smooth;
+    j->pace = speed <= 0 ? 0 : speed < UINT16_MAX ? (uint16_t)speed : UINT16_MAX;
 }
 
 static bool goes_against(struct joint *j) {
-    int32_t place = j->reading * 256L;
     j->ahead -= (int32_t)j->pace * j->drive;
     if (j->pace) j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16)); /* it ends */
-    if ((place - j->ahead) * j->drive > 0) j->ahead = place;
-    return (j->ahead - place) * j->drive >= j->limits.motion * 256L;
+    if ((j->smooth - j->ahead) * j->drive > 0) j->ahead = j->smooth;
+    return (j->ahead - j->smooth) * j->drive >= j->limits.motion * 256L;
 }
 
 static bool is_stuck(struct joint *j) {
-    if (size((int16_t)(j->reading - j->mark)) >= j->limits.motion) {
-        j->mark = j->reading;
+    if (j->smooth < j->lowest) j->lowest = j->smooth;
+    if (j->smooth > j->highest) j->highest = j->smooth;
+    if (j->highest - j->lowest >= j->limits.motion * 256L) {
+        j->lowest = j->highest = j->smooth;
         j->still = 0;
     } else if (j->drive && !at_limit(j)) {
         j->still += j->turned < j->limits.quarter ? 1 : 4; /* about a reversal even a free joint hardly moves */
@@ -75,7 +73,7 @@ static bool is_stuck(struct joint *j) {
 
 uint8_t joint_fault(struct joint *j) {
     if (!reading_valid(j->reading)) return FAULT_SENSOR;
-    if (size(travel(j, SPEED_MS)) * (1000UL / SPEED_MS) > j->limits.strike) return FAULT_STRIKE;
+    if (size((int16_t)(j->reading - j->past[j->next])) * (1000UL / SPEED_MS) > j->limits.strike) return FAULT_STRIKE;
     int8_t drive = drive_of(j);
     if (j->turned < UINT16_MAX) j->turned++;
     if (drive != j->drive) turn(j, drive);
