@@ -1,5 +1,7 @@
 #include "safety.h"
 
+#define FINE ((int32_t)256) /* of a count */
+
 bool limits_complete(struct limits *l) {
     l->jump = (uint16_t)(l->strike / 250 + FULL_READING / 64); /* at four times the limit of speed, and noise */
     l->quarter = l->stall / 4 < COAST_MS ? (uint16_t)(l->stall / 4 + 2) : COAST_MS;
@@ -21,8 +23,8 @@ bool joint_read(struct joint *j, int16_t reading) {
     j->past[j->next] = j->reading;
     j->next = (uint8_t)((j->next + 1) % SPEED_MS);
     j->reading = reading;
-    j->smooth += (reading * 256L - j->smooth) / 8;
-    j->slow += (reading * 256L - j->slow) / 32;
+    j->smooth += (reading * FINE - j->smooth) / 8;
+    j->slow += (reading * FINE - j->slow) / 32;
     return near;
 }
 
@@ -56,13 +58,13 @@ static bool goes_against(struct joint *j) {
     j->ahead -= (int32_t)j->pace * j->drive;
     if (j->pace) j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16)); /* it ends */
     if ((j->smooth - j->ahead) * j->drive > 0) j->ahead = j->smooth;
-    return (j->ahead - j->smooth) * j->drive >= j->limits.motion * 256L;
+    return (j->ahead - j->smooth) * j->drive >= j->limits.motion * FINE;
 }
 
 static bool is_stuck(struct joint *j) {
     if (j->smooth < j->lowest) j->lowest = j->smooth;
     if (j->smooth > j->highest) j->highest = j->smooth;
-    if (j->highest - j->lowest >= j->limits.motion * 256L) {
+    if (j->highest - j->lowest >= j->limits.motion * FINE) {
         j->lowest = j->highest = j->smooth;
         j->still = 0;
     } else if (j->drive && !at_limit(j)) {
