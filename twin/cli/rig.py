@@ -32,7 +32,8 @@ Emulate = Annotated[
 ]
 Seed = Annotated[int, options.whole_number("N", "of the emulated leg, its wiring and its noise")]
 Port = Annotated[
-    str | None, typer.Option("--port", metavar="PORT", help="serial port; that of --rig if not given; see qpal rig find")
+    str | None,
+    typer.Option("--port", metavar="PORT", help="serial port, if not that of --rig; see qpal rig find"),
 ]
 RigFile = Annotated[str, typer.Option("--rig", metavar="FILE.toml", help="how the joint is wired, and its limits")]
 Yes = Annotated[bool, typer.Option("--yes", help="move without asking first")]
@@ -111,7 +112,7 @@ def wire(
 
 
 def zero(
-    low: Annotated[float | None, options.number("DEG", "angle at the end of low counts; asked for if not given")] = None,
+    low: Annotated[float | None, options.number("DEG", "angle at the end of low counts; asked for if missing")] = None,
     high: Annotated[float | None, options.number("DEG", "angle at the end of high counts")] = None,
     port: Port = None,
     rig: RigFile = FILE,
@@ -144,7 +145,7 @@ def zero(
 
 
 def run(
-    design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="input: time and voltage, as qpal design writes it")],
+    design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="time and voltage, as qpal design writes it")],
     log: Annotated[str, typer.Option("--log", metavar="OUT.csv", help="the log")] = "log.csv",
     port: Port = None,
     rig: RigFile = FILE,
@@ -176,7 +177,10 @@ def run(
         calibration = known or _emulated(link, joint, emulator)
         levels = check_input(given, calibration)
         setup = calibration.setup(link.identity.full)
-        _ask(f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.", yes)
+        _ask(
+            f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.",
+            yes,
+        )
         with (
             _room(Path(log), LINE * len(levels)),
             console.progress(1, lines=not as_json, known=True) as step,
@@ -217,7 +221,9 @@ def auto(
         raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
     known = _known(rig, emulate)
     if known is not None and known.joint != joint:
-        raise InputError(f"{rig} is of the {known.joint}, not the {joint}; give another --rig, or wire this joint first")
+        raise InputError(
+            f"{rig} is of the {known.joint}, not the {joint}; give another --rig, or wire this joint first"
+        )
     with (
         run_folder(out, "rig") as (folder, scratch),
         _rig(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),

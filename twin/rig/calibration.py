@@ -171,7 +171,9 @@ def read(path: str | Path) -> Calibration:
     except OSError as error:
         raise InputError(f"{source}: {error.strerror}; make it with qpal rig wire") from None
     except ValueError as error:
-        raise InputError(f"{source} is no TOML file ({error}); correct it, or make it anew with qpal rig wire") from None
+        raise InputError(
+            f"{source} is no TOML file ({error}); correct it, or make it anew with qpal rig wire"
+        ) from None
     return _valid(content, str(source), "correct it, or make the file anew with qpal rig wire")
 
 

@@ -283,7 +283,9 @@ def log_of(recording: Recording, calibration: Calibration, link: Link, source: s
     }
     notes = []
     if len(lost):
-        notes.append(f"{len(lost)} of {len(recording.counts)} samples were lost on the line: they are marked as missing")
+        notes.append(
+            f"{len(lost)} of {len(recording.counts)} samples were lost on the line: they are marked as missing"
+        )
     if rig["samples_at_a_limit"]:
         notes.append(f"the soft limits cut the motor in {rig['samples_at_a_limit']} samples")
     if recording.reason:
@@ -291,6 +293,4 @@ def log_of(recording: Recording, calibration: Calibration, link: Link, source: s
     meta = {"source": "rig", "excitation": source, "mode": "voltage", "rig": rig, "notes": notes}
     meta |= {"filled": lost.tolist()} if len(lost) else {}
     joint = calibration.joint if calibration.joint in JOINTS else ""
-    return Log(
-        calibration.volts(recording.duty), calibration.angle(recording.counts), recording.Ts, None, joint, meta
-    )
+    return Log(calibration.volts(recording.duty), calibration.angle(recording.counts), recording.Ts, None, joint, meta)
