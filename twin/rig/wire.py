@@ -142,7 +142,8 @@ class Levels(Message):
         count, odd = divmod(len(payload) - 3, 2)
         if count < 0 or odd or (payload[2] and count % payload[2]) or (count and not payload[2]):
             raise Damaged(f"LEVELS has {len(payload)} bytes")
-        return cls(*struct.unpack("<HB", payload[:3]), struct.unpack(f"<{count}h", payload[3:]))
+        index, n = struct.unpack("<HB", payload[:3])
+        return cls(index, n, struct.unpack(f"<{count}h", payload[3:]))
 
 
 @dataclass(frozen=True)
@@ -244,8 +245,9 @@ class Sample(Message):
         count, odd = divmod(len(payload) - 13, 4)
         if odd or not 1 <= count <= JOINTS:
             raise Damaged(f"SAMPLE has {len(payload)} bytes")
-        head, rest = struct.unpack_from("<HI", payload), struct.unpack_from("<HBBHB", payload, 6 + 4 * count)
-        return cls(*head, tuple(struct.iter_unpack("<Hh", payload[6 : 6 + 4 * count])), *rest)
+        number, clock = struct.unpack_from("<HI", payload)
+        pairs = tuple((reading, duty) for reading, duty in struct.iter_unpack("<Hh", payload[6 : 6 + 4 * count]))
+        return cls(number, clock, pairs, *struct.unpack_from("<HBBHB", payload, 6 + 4 * count))
 
 
 @dataclass(frozen=True)
