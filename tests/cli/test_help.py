@@ -26,7 +26,7 @@ def test_every_verb_has_its_line_whole_at_80_columns(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     assert main(["-h"]) == 0
     verbs = capsys.readouterr().out.partition("Commands:")[2].strip().splitlines()
-    assert len(verbs) == len(VERBS) + 1  # and bench
+    assert len(verbs) == len(VERBS) + 2  # and rig and bench
     for line in verbs:
         assert line.endswith(".")
         assert not line.endswith("...")

@@ -78,7 +78,8 @@ def test_the_version_is_that_of_the_package(capsys):
 
 
 GROUP = typer.main.get_command(build())
-PATHS = [[], *([name] for name in GROUP.commands), *(["bench", name] for name in GROUP.commands["bench"].commands)]
+PATHS = [[], *([name] for name in GROUP.commands)]
+PATHS += [[group, name] for group in ("rig", "bench") for name in GROUP.commands[group].commands]
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: "-".join(path) or "qpal")

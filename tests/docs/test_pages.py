@@ -45,6 +45,10 @@ NOT_RUN = {
     ("record.md", 0): "the commands of the tutorial on another joint",
     ("record.md", 1): "an experiment of minutes is designed; tests/cli/test_design.py",
     ("record.md", 2): "and identified",
+    ("rig.md", 0): "installs the extra",
+    ("rig.md", 2): "minutes; tests/cli/test_rig.py",
+    ("rig.md", 3): "a rig; tests/cli/test_rig.py on an emulated one",
+    ("rig.md", 4): "the same",
     ("structure.md", 0): "a search within a minute; tests/docs/test_readme.py runs one",
 }
 LESS = {"--duration": 60.0, "--starts": 1.0}  # enough to show that a command runs
@@ -232,11 +236,13 @@ def test_every_verb_says_how_long_it_may_take(site):
     """A new one too; the options that it names exist."""
     group = typer.main.get_command(build())
     found = dict(site.limits(group))
-    assert sorted(found) == sorted([*(group.commands.keys() - {"bench"}), "bench run"])
+    rig = [f"rig {name}" for name in group.commands["rig"].commands]
+    assert sorted(found) == sorted([*(group.commands.keys() - {"bench", "rig"}), "bench run", *rig])
     page = site.command_page().replace("\\", "").replace("``", "`")
     for verb, said in found.items():
         assert f"   * - ``{verb}``\n".replace("``", "`") + "".join(f"     - {cell}\n" for cell in said) in page
-        command = group.commands[verb] if " " not in verb else group.commands["bench"].commands["run"]
+        name, _, inner = verb.partition(" ")
+        command = group.commands[name].commands[inner] if inner else group.commands[name]
         for option in re.findall(r"--[a-z]+", said[2]):
             assert option in [name for parameter in command.params for name in parameter.opts], (verb, option)
 

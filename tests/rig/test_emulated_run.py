@@ -93,7 +93,7 @@ def test_slew_is_in_the_voltage_that_is_logged(rig):
 
 
 def test_a_design_beyond_the_limits_is_refused_before_anything_moves(rig):
-    with rig(changes={"largest": 9.0}) as (emulator, link, calibration):
+    with rig(changes={"largest": 9.0}) as (emulator, _, calibration):
         before = emulator.plant.position(0)
         for u, Ts, said in (
             (np.r_[np.zeros(20), -9.5], TS, r"reaches -9.5 V at 0.4 s, and the rig's largest input is 9 V"),

@@ -33,7 +33,7 @@ Emulate = Annotated[
 Seed = Annotated[int, options.whole_number("N", "of the emulated leg, its wiring and its noise")]
 Port = Annotated[
     str | None,
-    typer.Option("--port", metavar="PORT", help="serial port; that of --rig if not given; see qpal rig find"),
+    typer.Option("--port", metavar="PORT", help="serial port, if not that of --rig; see qpal rig find"),
 ]
 RigFile = Annotated[str, typer.Option("--rig", metavar="FILE.toml", help="how the joint is wired, and its limits")]
 Yes = Annotated[bool, typer.Option("--yes", help="move without asking first")]
@@ -112,9 +112,7 @@ def wire(
 
 
 def zero(
-    low: Annotated[
-        float | None, options.number("DEG", "angle at the end of low counts; asked for if not given")
-    ] = None,
+    low: Annotated[float | None, options.number("DEG", "angle at the end of low counts; asked for if missing")] = None,
     high: Annotated[float | None, options.number("DEG", "angle at the end of high counts")] = None,
     port: Port = None,
     rig: RigFile = FILE,
@@ -147,9 +145,7 @@ def zero(
 
 
 def run(
-    design: Annotated[
-        str, typer.Argument(metavar="DESIGN.csv", help="input: time and voltage, as qpal design writes it")
-    ],
+    design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="time and voltage, as qpal design writes it")],
     log: Annotated[str, typer.Option("--log", metavar="OUT.csv", help="the log")] = "log.csv",
     port: Port = None,
     rig: RigFile = FILE,

@@ -1,4 +1,4 @@
-"""From a rig to values: sweep, identify, design what is not determined yet, and again, until all is or patience ends."""
+"""From a rig to values: sweep, identify, design what is not determined yet, and again, until all is."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -24,10 +24,11 @@ ASKED = tuple(name for names in TARGETS.values() for name in names)
 MOST = 3  # experiments
 TS = 0.02  # [s]: a lag and a delay of 70 ms are told apart at this, not at 100 ms (docs/record.md)
 # A half period of the first sweep, in crossings at full voltage, and how many: about 22 % of it is rest at an end.
-HALF, HALVES = 1.6, 12
+HALF, HALVES = 1.6, 10
+SHRINK = 0.25  # of the largest input: a joint with much friction crosses at the lower levels too
 SHORTEST, LONGEST = 40.0, 125.0  # [s] of the first sweep
 BUDGET = 600.0  # [s] of rig time, with the wiring and the zero
-PART = 0.75  # of the time that is left, for a designed experiment that is not the last
+PART = 0.8  # of the time that is left, for a designed experiment that is not the last
 LEAST = 20.0  # [s] of a record that ended early and is still identified
 
 
@@ -53,11 +54,11 @@ class Campaign:
     truth: Mapping[str, float] | None = None
 
     def values_after(self, k: int) -> dict[str, JointValue]:
-        """What is known after k experiments: each asked value from the last record that determines it."""
+        """What is known after k experiments: each asked value from the record that determines it most narrowly."""
         known: dict[str, JointValue] = {}
         for done in self.rounds[:k]:
             for value in done.values:
-                if value.name in ASKED and (value.determined or not _determines(known.get(value.name))):
+                if value.name in ASKED and _width(value) <= _width(known.get(value.name)):
                     known[value.name] = value
         return known
 
@@ -100,7 +101,7 @@ def first_input(calibration: Calibration, seed: int) -> Input:
     if calibration.crossing is None:
         raise InputError(f"the ends of the {calibration.joint} have no angles yet; run qpal rig zero first")
     half = max(round(HALF * calibration.crossing * calibration.supply / calibration.largest, 2), 10 * TS)
-    settings = {"amplitude": calibration.largest, "half_period": half, "jitter": 0.5, "shrink": 0.4}
+    settings = {"amplitude": calibration.largest, "half_period": half, "jitter": 0.5, "shrink": SHRINK}
     N = round(float(np.clip(HALVES * half, SHORTEST, LONGEST)) / TS)
     return Input(excitation("sweep", **settings).generate(N, TS, np.random.default_rng([seed, 43])), TS, "first sweep")
 
@@ -137,7 +138,7 @@ def campaign(
         log = log_of(recording, calibration, link, given.source)
         keep(number, log)
         done = replace(done, rig_seconds=link.rig_seconds)
-        if recording.interrupted or recording.duration < LEAST:
+        if recording.interrupted or (recording.reason and recording.duration < LEAST):
             return replace(done, stopped=f"experiment {number} ended early: {recording.reason}")
         step(f"experiment {number}: identifying")
         data = log.io()
@@ -183,4 +184,11 @@ def _shortened(plan: Design, seconds: float, largest: float) -> Input:
 
 
 def _determines(value: JointValue | None) -> bool:
-    return value is not None and value.determined and value.low is not None
+    return _width(value) < np.inf
+
+
+def _width(value: JointValue | None) -> float:
+    """Width of the interval of a value, infinite where it has none."""
+    if value is None or not value.determined or value.low is None or value.high is None:
+        return np.inf
+    return value.high - value.low

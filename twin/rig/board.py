@@ -101,7 +101,7 @@ class Board:
     def __init__(self, plant: Plant, name: str = "qpal twin") -> None:
         self.plant, self.name = plant, name
         self.state, self.clock = wire.OFF, 0  # [us]
-        self.outbox: list[wire.Plain] = []
+        self.outbox: list[wire.Message] = []
         self.bad = self.idle_number = 0
         self._setups: dict[int, wire.Setup] = {}
         self._forget()
@@ -110,7 +110,7 @@ class Board:
 
     # What the host says.
 
-    def answer(self, sequence: int, message: wire.Plain) -> None:
+    def answer(self, sequence: int, message: wire.Message) -> None:
         """Do what a message says, and answer."""
         if isinstance(message, wire.Alive):
             return

@@ -24,15 +24,16 @@ class Lost(InputError):  # noqa: N818 - reads as what it says
 class Link:
     """A rig on `port`, open and greeted; a context manager that stops the rig and closes the port at its end.
 
-    `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. Raises InputError where the port cannot be opened, is held by
-    another program, or answers something else; every call raises Lost once the port is gone.
+    `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. Raises
+    InputError where the port cannot be opened, is held by another program, or answers something else; every call raises
+    Lost once the port is gone.
     """
 
     def __init__(self, port: str) -> None:
         self.port = port
         self._serial = _open(port)
         self._receiver = wire.Receiver(wire.FROM_FIRMWARE)
-        self._inbox: deque[tuple[int, wire.Plain]] = deque()
+        self._inbox: deque[tuple[int, wire.Message]] = deque()
         self._sequence, self._lock = 0, threading.Lock()
         self._foreign = 0
         self.rig_seconds = 0.0  # in which the rig was played or read
@@ -68,7 +69,7 @@ class Link:
         """Frames that have not come, by their numbers; those that were damaged count too."""
         return self._receiver.missing
 
-    def send(self, message: wire.Plain) -> int:
+    def send(self, message: wire.Message) -> int:
         """Send a message once; returns its sequence number."""
         with self._lock:
             sequence = self._sequence
@@ -79,7 +80,7 @@ class Link:
                 raise self._lost(error) from None
         return sequence
 
-    def receive(self) -> Iterator[wire.Plain]:
+    def receive(self) -> Iterator[wire.Message]:
         """What has come; waits up to `POLL` if nothing has."""
         if not self._inbox:
             self._read()
@@ -90,7 +91,7 @@ class Link:
         """Drop what has come and was not received: it is of the time before a run."""
         self._inbox.clear()
 
-    def ask(self, message: wire.Plain, repeat: bool = True, seconds: float = ANSWER) -> int | None:
+    def ask(self, message: wire.Message, repeat: bool = True, seconds: float = ANSWER) -> int | None:
         """The reason in the answer to a message: 0 done, else a number of `wire.REFUSALS`; None if none came.
 
         With `repeat` it is sent again until it is answered, which only messages allow that can be received twice.

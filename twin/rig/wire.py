@@ -58,10 +58,25 @@ class Damaged(ValueError):  # noqa: N818 - reads as what it says
 
 
 @dataclass(frozen=True)
-class Plain:
-    """A message whose payload is its fields, one after the other, in `layout`."""
+class Message:
+    """A message of either side: its type, and its payload as bytes."""
 
     code: ClassVar[int] = 0
+
+    def pack(self) -> bytes:
+        """The payload. Raises InputError for a number that its field cannot hold."""
+        raise NotImplementedError
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> "Message":
+        """The message of a payload. Raises Damaged for one of another length."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Plain(Message):
+    """A message whose payload is its fields, one after the other, in `layout`."""
+
     layout: ClassVar[str] = "<"
 
     def pack(self) -> bytes:
@@ -106,7 +121,7 @@ class Setup(Plain):
 
 
 @dataclass(frozen=True)
-class Levels(Plain):
+class Levels(Message):
     """Levels [duty] of all used joints from number `index` on: `values` has n of each joint, level by level."""
 
     code: ClassVar[int] = 0x03
@@ -127,7 +142,8 @@ class Levels(Plain):
         count, odd = divmod(len(payload) - 3, 2)
         if count < 0 or odd or (payload[2] and count % payload[2]) or (count and not payload[2]):
             raise Damaged(f"LEVELS has {len(payload)} bytes")
-        return cls(*struct.unpack("<HB", payload[:3]), struct.unpack(f"<{count}h", payload[3:]))
+        index, n = struct.unpack("<HB", payload[:3])
+        return cls(index, n, struct.unpack(f"<{count}h", payload[3:]))
 
 
 @dataclass(frozen=True)
@@ -201,7 +217,7 @@ class Done(Plain):
 
 
 @dataclass(frozen=True)
-class Sample(Plain):
+class Sample(Message):
     """A reading: per joint (counts, duty that is played from then on), then what holds for all.
 
     `clock` [us] wraps after 71 minutes. `supply` [counts], `limits` are bits of joints, `free` the room of the ring,
@@ -229,8 +245,9 @@ class Sample(Plain):
         count, odd = divmod(len(payload) - 13, 4)
         if odd or not 1 <= count <= JOINTS:
             raise Damaged(f"SAMPLE has {len(payload)} bytes")
-        head, rest = struct.unpack_from("<HI", payload), struct.unpack_from("<HBBHB", payload, 6 + 4 * count)
-        return cls(*head, tuple(struct.iter_unpack("<Hh", payload[6 : 6 + 4 * count])), *rest)
+        number, clock = struct.unpack_from("<HI", payload)
+        pairs = tuple((reading, duty) for reading, duty in struct.iter_unpack("<Hh", payload[6 : 6 + 4 * count]))
+        return cls(number, clock, pairs, *struct.unpack_from("<HBBHB", payload, 6 + 4 * count))
 
 
 @dataclass(frozen=True)
@@ -244,8 +261,8 @@ class Fault(Plain):
     clock: int
 
 
-FROM_HOST = {kind.code: kind for kind in (Hello, Setup, Levels, Arm, Start, Stop, Alive)}
-FROM_FIRMWARE = {kind.code: kind for kind in (Identity, Done, Sample, Fault)}
+FROM_HOST: dict[int, type[Message]] = {kind.code: kind for kind in (Hello, Setup, Levels, Arm, Start, Stop, Alive)}
+FROM_FIRMWARE: dict[int, type[Message]] = {kind.code: kind for kind in (Identity, Done, Sample, Fault)}
 
 
 def check_sum(body: bytes) -> int:
@@ -270,13 +287,13 @@ def unstuff(line: bytes) -> bytes:
     return b"\0".join(parts)
 
 
-def frame(message: Plain, sequence: int) -> bytes:
+def frame(message: Message, sequence: int) -> bytes:
     """A message as its frame, with the zero at the end."""
     body = bytes([message.code, sequence & 0xFF]) + message.pack()
     return stuff(body + struct.pack("<H", check_sum(body))) + b"\0"
 
 
-def message_of(line: bytes, kinds: dict[int, type[Plain]]) -> tuple[int, Plain]:
+def message_of(line: bytes, kinds: dict[int, type[Message]]) -> tuple[int, Message]:
     """Sequence number and message of a frame without its zero. Raises Damaged."""
     if len(line) > LONGEST:
         raise Damaged(f"a frame of {len(line)} bytes")
@@ -295,14 +312,14 @@ class Receiver:
     `row` is the number of damaged frames since the last good one.
     """
 
-    kinds: dict[int, type[Plain]]
+    kinds: dict[int, type[Message]]
     bad: int = 0
     row: int = 0
     missing: int = 0
     _rest: bytearray = field(default_factory=bytearray)
     _last: int | None = None
 
-    def feed(self, data: bytes) -> list[tuple[int, Plain]]:
+    def feed(self, data: bytes) -> list[tuple[int, Message]]:
         """The messages that end in `data`, with their sequence numbers."""
         *lines, rest = (bytes(self._rest) + data).split(b"\0")
         self._rest = bytearray(rest[-4 * LONGEST :])  # what never ends is no frame

@@ -60,8 +60,8 @@ def find_wiring(link: Link, calibration: Calibration, say: Callable[[str], None]
     place, noise = first.mean[channel], first.std[channel]
     if not 0.02 * full < place < 0.98 * full:
         raise InputError(
-            f"joint {channel} reads {place:.0f} of {full} counts, the edge of its range; check the potentiometer's three "
-            "wires, or give another --channel"
+            f"joint {channel} reads {place:.0f} of {full} counts, the edge of its range; check the potentiometer's "
+            "three wires, or give another --channel"
         )
     say(f"joint {channel} reads {place:.0f} of {full} counts, noise {noise:.1f}")
     moved: dict[int, float] = {}

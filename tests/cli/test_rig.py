@@ -1,0 +1,204 @@
+"""`qpal rig` as its user meets it, with the twin behind the emulated cable."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("serial", reason="the rig needs pyserial: pip install 'qpal[rig]'")
+
+import twin
+from twin.cli import main
+from twin.rig import calibration as calibrations
+from twin.rig.emulator import Emulator
+from twin.rig.link import Link
+from twin.rig.run import play
+
+TS = 0.02
+RIG = ("--emulate", "twin", "--seed", "1")
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory):
+    """The calibration of the emulated shoulder 1, as wire and zero write it."""
+    path = tmp_path_factory.mktemp("rig") / "rig.toml"
+    assert main(["rig", "wire", "shoulder", *RIG, "--yes", "--rig", str(path)]) == 0
+    assert main(["rig", "zero", *RIG, "--yes", "--rig", str(path)]) == 0
+    return path
+
+
+def write_input(u, name="design.csv"):
+    t = np.arange(len(u)) * TS
+    np.savetxt(name, np.column_stack([t, u]), fmt="%.9g", delimiter=",", header="time [s],u [V]", comments="")
+
+
+def refused(arguments, capsys, code=2):
+    before = sorted(Path().rglob("*"))
+    assert main(arguments) == code
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("qpal: ")
+    assert err.count("\n") == 1
+    assert sorted(Path().rglob("*")) == before
+    return err
+
+
+def test_wire_and_zero_write_what_the_leg_is(known):
+    c = calibrations.read(known)
+    with Emulator("shoulder", 1) as emulator:
+        true, plant = emulator.truth(TS), emulator.plant
+    assert c.motor_reversed == (plant.motor_sign != plant.sensor_sign)
+    assert np.sign(c.scale) == plant.sensor_sign
+    ends = sorted((c.low_angle, c.high_angle))
+    assert ends == pytest.approx([true["end_low"], true["end_high"]], abs=true["backlash"] + 0.01)
+    assert c.soft_low < ends[0] < ends[1] < c.soft_high
+    # From end to end at full voltage: the way, by speed per volt times volts beyond friction.
+    ideal = (ends[1] - ends[0]) / (true["speed_per_volt"] * (12.0 - max(true["coulomb_up"], -true["coulomb_down"])))
+    assert c.crossing == pytest.approx(ideal, rel=0.3)
+    assert "# [V/s] fastest change of the input" in known.read_text()
+
+
+def test_a_run_writes_a_log_that_is_read(known, capsys):
+    u = np.repeat([6.0, -6.0, 9.0, 0.0], 60)
+    write_input(u)
+    assert main(["rig", "run", "design.csv", *RIG, "--rig", str(known), "--yes", "--log", "o.csv", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["samples"], summary["lost"], summary["notes"]) == (240, 0, [])
+    log = twin.Log.load("o.csv")
+    assert (log.joint, log.Ts, log.N) == ("shoulder", TS, 240)
+    off = np.abs(log.u - u)
+    jumps = np.r_[False, np.diff(u) != 0.0]
+    assert off[~jumps].max() < 12.0 / 1023  # a duty has 1023 steps
+    assert off[jumps].max() < 0.05 * 15.0  # and takes a millisecond more of a sample to turn round
+    assert log.y[60] - log.y[0] > 0.1  # a positive voltage raises the angle
+    assert log.meta["rig"]["firmware"] == "qpal twin 1.0.0"
+    assert sorted(p.name for p in Path().iterdir()) == ["design.csv", "o.csv"]
+    assert main(["info", "o.csv", "--json"]) == 0
+
+
+def test_a_run_that_ends_early_keeps_its_log_and_says_why(known, capsys):
+    """The joint is driven into its end, beyond which no soft limit excuses that it stands still."""
+    c = calibrations.read(known)
+    loose = c.model_copy(update={"soft_low": c.soft_low - 0.3, "soft_high": c.soft_high + 0.3, "stall": 1.0})
+    calibrations.write(loose, "loose.toml")
+    write_input(np.full(400, 8.0))
+    assert main(["rig", "run", "design.csv", *RIG, "--rig", "loose.toml", "--yes", "--log", "o.csv"]) == 1
+    out, err = capsys.readouterr()
+    assert "the run ended early: it did not move under drive (stall); the drive is off, the first" in err
+    assert "Next: qpal identify o.csv" in out
+    log = twin.Log.load("o.csv")
+    assert 50 < log.N < 400
+    assert log.y[-1] == pytest.approx(c.soft_high, abs=0.06)
+    assert "stall" in log.meta["rig"]["ended_early"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["find", "--port", "nowhere"], "nowhere: there is no such port"),
+        (["wire", "elbow", *RIG, "--yes"], "choose one of shoulder, thigh, shank"),
+        (["wire", "shoulder", *RIG], "To confirm where nobody can be asked, give --yes"),
+        (["wire", "shoulder", "--emulate", "dog", "--yes"], "unknown emulated rig 'dog'"),
+        (["wire", "shoulder", *RIG, "--yes", "--rig", "rig.json"], "end its name in .toml"),
+        (["wire", "shoulder", *RIG, "--yes", "--largest", "20"], "largest is 20 V and the supply has 12 V"),
+        (["wire", "shoulder", "--yes"], "no port is given; see qpal rig find"),
+        (["zero", "--rig", "none.toml"], "make it with qpal rig wire"),
+        (["run", "none.csv", *RIG, "--yes"], "none.csv"),
+        (["auto", "shoulder", *RIG, "--experiments", "0"], "give positive numbers"),
+    ],
+)
+def test_bad_input_gets_a_sentence(arguments, said, capsys):
+    assert said in refused(["rig", *arguments], capsys)
+
+
+def test_a_design_beyond_the_limits_is_refused(known, capsys):
+    write_input(np.full(100, 12.5))
+    arguments = ["rig", "run", "design.csv", *RIG, "--rig", str(known), "--yes"]
+    assert "reaches 12.5 V at 0 s, and the rig's largest input is 12 V" in refused(arguments, capsys)
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("supply = -1", "supply: Input should be greater than 0"),
+        ("volts = 3", "volts: Extra inputs are not permitted"),
+        ("low_counts = 3.0", "some values of the ends are missing; run qpal rig zero again"),
+        ("port = 3 3", "is no TOML file"),
+    ],
+)
+def test_a_damaged_calibration_gets_a_sentence(line, said, capsys):
+    Path("rig.toml").write_text(f'port = "p"\njoint = "thigh"\nchannel = 1\n{line}\n')
+    assert said in refused(["rig", "zero", "--rig", "rig.toml"], capsys)
+
+
+def test_a_full_disk_is_met_before_anything_moves(known, capsys, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    write_input(np.full(100, 5.0))
+    monkeypatch.setattr("os.posix_fallocate", full)
+    monkeypatch.setattr("twin.rig.run.play", lambda *_: pytest.fail("it moved"))
+    said = refused(["rig", "run", "design.csv", *RIG, "--rig", str(known), "--yes"], capsys)
+    assert "no room for the log of about 0.0 MB (No space left on device); nothing was moved" in said
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
+def test_ctrl_c_keeps_the_log(known):
+    """In real time, in a process of its own."""
+    write_input(np.where(np.arange(3000) // 50 % 2 == 0, 6.0, -6.0))
+    command = [sys.executable, "-m", "twin.cli", "rig", "run", "design.csv", *RIG, "--rig", str(known), "--yes"]
+    root = str(Path(twin.__file__).parents[1])
+    env = os.environ | {"PYTHONPATH": root}
+    process = subprocess.Popen(
+        [*command, "--log", "o.csv", "--speed", "1"], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=env
+    )
+    end = time.monotonic() + 60.0
+    while not list(Path().glob(".o*")) and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.05)  # the log's room on the disk: from now on it moves
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "qpal: stopped; the drive is off; the first" in err
+    log = twin.Log.load("o.csv")
+    assert 20 < log.N < 1000
+    assert "stopped by hand" in log.meta["rig"]["ended_early"]
+    assert sorted(p.name for p in Path().iterdir()) == ["design.csv", "o.csv"]
+
+
+@pytest.mark.nightly
+@pytest.mark.long
+def test_auto_comes_from_a_plugged_in_rig_to_values(capsys):
+    code = main(["rig", "auto", "shoulder", *RIG, "--yes", "--out", "o", "--json"])
+    summary = json.loads(capsys.readouterr().out)
+    assert code == (1 if summary["not_determined"] else 0)
+    assert summary["rig_seconds"] < 600.0
+    assert 2 <= len(summary["experiments"]) <= 3
+    assert len(summary["values"]) >= 5
+    true = summary["truth"]
+    for value in summary["values"]:
+        factor = 180.0 / np.pi if value["unit"].startswith("deg") else 1.0
+        if value["determined"]:
+            assert value["value"] == pytest.approx(factor * true[value["name"]], rel=0.25, abs=0.6), value["name"]
+    files = {path.name for path in Path("o").iterdir()}
+    assert {"summary.json", "report.html", "figures", "experiment-1.csv", "experiment-2.csv"} <= files
+    assert (Path("o") / "figures" / "intervals.png").is_file()
+
+
+def test_two_hosts_are_one_too_many(known, capsys):
+    with Emulator("shoulder", 1) as emulator, Link(emulator.port) as link:
+        assert "another program holds this port" in refused(["rig", "find", "--port", emulator.port], capsys)
+        c = calibrations.read(known)
+        assert play(link, c.setup(1023), np.zeros(20, dtype=int), TS).reason == ""  # the first one goes on
