@@ -181,7 +181,7 @@ def test_what_is_played_is_the_level_after_slew_limit_and_the_sign(still):
             told = [sample.joints[joint][1] for sample in run.samples]
             assert told == [round(float(np.mean(ramp[level][k : k + 5]))) for k in range(0, 100, 5)]
         steady = np.array(played[30:60])
-        assert steady == pytest.approx(np.tile(np.array([300, 600, 600]) / 1024, (30, 1)), abs=1e-6)
+        assert steady == pytest.approx(np.tile(np.array([300, 600, 600]) / 1023, (30, 1)), abs=1e-6)
         assert run.samples[3].joints[0][0] == pytest.approx(0.3 * FULL, abs=6)
         assert board.enabled == 0
 

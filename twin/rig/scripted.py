@@ -66,7 +66,7 @@ class Run:
         self._sequence = self.sent = self._ticks = 0
         self._waits, self.last_byte = 0, 0.0
 
-    def say(self, message: wire.Plain) -> None:
+    def say(self, message: wire.Message) -> None:
         """Send a message over what the fault has left of the line."""
         self.put(self.garble(wire.frame(message, self._sequence)))
         self._sequence += 1
@@ -95,7 +95,7 @@ class Run:
             elif isinstance(message, wire.Identity):
                 self.identity = message
 
-    def ask(self, message: wire.Plain) -> int:
+    def ask(self, message: wire.Message) -> int:
         """Send a message and wait for its DONE; the reason, 0 if it is done."""
         count = len(self.done)
         self.say(message)
@@ -154,7 +154,7 @@ class Run:
     def driven(self, joint: int) -> int:
         """Sign of a drive that should move the joint, else 0."""
         duty = self.avr.duties[joint]
-        return int(np.sign(duty)) if abs(duty) * 1024 >= 0.25 * DUTY else 0
+        return int(np.sign(duty)) if abs(duty) * wire.FULL >= 0.25 * DUTY else 0
 
 
 def random_levels(rng: np.random.Generator, n: int) -> np.ndarray:

@@ -97,10 +97,10 @@ static avr_cycle_count_t deliver(avr_t *a, avr_cycle_count_t when, void *param) 
 }
 
 static double pin_duty(const struct bridge *b, int side) {
-    uint16_t compare = side ? b->backward : b->forward;
+    uint16_t compare = side ? b->backward : b->forward, top = b->control + 6;
     if (!(avr->data[b->direction] >> b->pins[side] & 1)) return 0;
     if (!(avr->data[b->control] >> (side ? 5 : 7) & 1)) return avr->data[b->port] >> b->pins[side] & 1;
-    return ((avr->data[compare] | avr->data[compare + 1] << 8) % 1024 + 1) / 1024.0;
+    return ((avr->data[compare] | avr->data[compare + 1] << 8) + 1.0) / ((avr->data[top] | avr->data[top + 1] << 8) + 1.0);
 }
 
 /* The outputs are told by their registers: the PWM's own events, and polls of pins that interrupt nothing, only cost. */

@@ -8,6 +8,7 @@
 
 #define CHANNELS 4
 #define CONVERSIONS (4 * CHANNELS) /* of 52 us, in turn, within a millisecond */
+#define PWM (1 << WGM31)
 #define MESSAGES 8
 #define LARGEST_ANSWER 32 /* bytes of a payload; IDENTITY has 29 */
 #define ENABLES ((1 << PA0) | (1 << PA1) | (1 << PA2))
@@ -30,8 +31,9 @@ void board_begin(void) {
     DDRE = (1 << PE3) | (1 << PE4);
     DDRH = (1 << PH3) | (1 << PH4);
     DDRL = (1 << PL3) | (1 << PL4);
-    TCCR3A = TCCR4A = TCCR5A = (1 << WGM31) | (1 << WGM30); /* fast PWM of 10 bits: 15.6 kHz */
-    TCCR3B = TCCR4B = TCCR5B = (1 << WGM32) | (1 << CS30);
+    ICR3 = ICR4 = ICR5 = WIRE_LARGEST_DUTY - 1; /* fast PWM of 1023 cycles, 15.6 kHz */
+    TCCR3A = TCCR4A = TCCR5A = PWM;
+    TCCR3B = TCCR4B = TCCR5B = (1 << WGM33) | (1 << WGM32) | (1 << CS30);
     UCSR0A = 1 << U2X0; /* first: simavr takes the baud rate from it when UBRR0 is written */
     UBRR0 = 16;         /* 117647 baud, 2.1 % more than 115200, as the board's own core has it */
     UCSR0C = (1 << UCSZ01) | (1 << UCSZ00);
@@ -93,15 +95,15 @@ void board_read(struct inputs *in) {
 
 void board_cut(void) {
     PORTA &= (uint8_t)~ENABLES;
-    TCCR3A = TCCR4A = TCCR5A = (1 << WGM31) | (1 << WGM30);
+    TCCR3A = TCCR4A = TCCR5A = PWM;
 }
 
-/* High for |duty| of 1024 cycles at one output, low at the other; a compare of 0 would still give one cycle. */
+/* High for |duty| of 1023 cycles at one output, low at the other; a compare of 0 would still give one cycle. */
 static void drive(volatile uint8_t *control, volatile uint16_t *forward, volatile uint16_t *backward, int16_t duty) {
     uint8_t pin = duty > 0 ? 1 << COM3A1 : duty < 0 ? 1 << COM3B1 : 0;
     if (duty > 0) *forward = (uint16_t)(duty - 1);
     if (duty < 0) *backward = (uint16_t)(-duty - 1);
-    *control = (uint8_t)((1 << WGM31) | (1 << WGM30) | pin);
+    *control = PWM | pin;
 }
 
 void board_drive(const struct outputs *out) {
