@@ -24,6 +24,7 @@ static void close_frame(uint8_t n, bool whole) {
     uint8_t length = whole ? wire_body(frame, n) : 0;
     if (length) {
         bad = 0;
+        __asm__ __volatile__("" ::: "memory"); /* the frame is complete before the control loop may see it */
         body = length;
     } else {
         dropped++;
