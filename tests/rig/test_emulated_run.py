@@ -66,8 +66,8 @@ def test_lost_samples_are_marked_and_told_and_never_filled(rig, steps, tmp_path)
 
 
 def test_a_noisy_line_delays_the_beginning_and_never_the_levels(rig, steps):
-    """A fifth of the frames lost, each way: LEVELS are said again, and ARM begins anew."""
-    recording, log, _ = played(rig, steps(), garbled=0.1, lost=0.1)
+    """A tenth of the frames lost, each way: LEVELS are said again, and ARM begins anew."""
+    recording, log, _ = played(rig, steps(), garbled=0.05, lost=0.05)
     assert recording.reason == ""
     assert len(log.y) == 400
 

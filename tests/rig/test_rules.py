@@ -1,0 +1,145 @@
+"""The emulator's rules are the firmware's: both see the same readings, and drive, cut and fail alike."""
+
+import ctypes
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from twin.rig import wire
+from twin.rig.avr import FIRMWARE
+from twin.rig.board import Joint
+
+pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed; install Debian's gcc")
+FULL = 4092
+SETUP = wire.Setup(0, 900, 3100, 3000, 1000, 100, 800, 40, wire.USED)
+u8, u16, i16, i32 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_int16, ctypes.c_int32
+
+
+class Limits(ctypes.Structure):
+    """struct limits of safety.h."""
+
+    _fields_ = (
+        [(name, u16) for name in ("low", "high", "strike", "duty", "slew", "stall", "motion")]
+        + [("reversed", ctypes.c_bool), ("used", ctypes.c_bool)]
+        + [(name, u16) for name in ("jump", "quarter", "decay")]
+    )
+
+
+class CJoint(ctypes.Structure):
+    """struct joint of safety.h."""
+
+    _fields_ = (
+        [("limits", Limits), ("reading", i16), ("past", i16 * 8), ("next", u8), ("smooth", i32), ("slow", i32)]
+        + [("duty", i16), ("drive", ctypes.c_int8), ("turned", u16), ("ahead", i32), ("pace", u16)]
+        + [("lowest", i32), ("highest", i32), ("still", ctypes.c_uint32)]
+    )
+
+
+@pytest.fixture(scope="module")
+def rules(tmp_path_factory):
+    """safety.c on this computer."""
+    out = tmp_path_factory.mktemp("rules") / "safety.so"
+    sources = [str(FIRMWARE / name) for name in ("safety.c", "wire.c")]
+    subprocess.run(["gcc", "-std=c99", "-DF_CPU=16000000UL", "-shared", "-fPIC", "-o", str(out), *sources], check=True)
+    library = ctypes.CDLL(str(out))
+    library.joint_read.restype = library.limits_complete.restype = ctypes.c_bool
+    library.joint_fault.restype = library.joint_drive.restype = u8
+    return library
+
+
+def of_firmware(rules, places, levels):
+    """Duties, cuts, and tick and number of the fault, as the control loop calls it."""
+    joint = CJoint(limits=Limits(*(getattr(SETUP, n) for n in ("low", "high", "strike", "duty", "slew", "stall")), 40))
+    assert rules.limits_complete(ctypes.byref(joint.limits))
+    joint.reading = places[0]
+    joint.past[:] = [places[0]] * 8
+    joint.smooth = joint.slow = 256 * places[0]
+    rules.joint_rest(ctypes.byref(joint))
+    played = []
+    for k, (place, level) in enumerate(zip(places, levels, strict=True)):
+        near = rules.joint_read(ctypes.byref(joint), int(place))
+        reason = rules.joint_fault(ctypes.byref(joint))
+        if reason or not near:
+            return played, (k, reason if near else wire.NO_SENSOR)
+        cut = rules.joint_drive(ctypes.byref(joint), int(level))
+        played.append((joint.duty, cut))
+    return played, (len(places), 0)
+
+
+def of_emulator(places, levels):
+    joint, played = Joint(SETUP, FULL, float(places[0])), []
+    for k, (place, level) in enumerate(zip(places, levels, strict=True)):
+        if reason := joint.fault(float(place)):
+            return played, (k, reason)
+        cut = joint.next_duty(int(level))
+        played.append((joint.duty, cut))
+    return played, (len(places), 0)
+
+
+def moved(levels, gain=1.0, start=2000.0, friction=150.0, lag=0.05):
+    """Places of a joint with friction and a lag under levels, and a little noise [counts]."""
+    rng, place, speed, places = np.random.default_rng(3), start, 0.0, []
+    for level in levels:
+        wanted = gain * np.sign(level) * max(abs(level) - friction, 0.0)
+        speed += (wanted - speed) * 0.001 / lag
+        place = float(np.clip(place + 0.001 * speed, 60.0, 4030.0))
+        places.append(round(place + rng.normal(0.0, 0.7)))
+    return np.array(places)
+
+
+def square(level, half, n=4000):
+    return np.where(np.arange(n) // half % 2 == 0, level, -level)
+
+
+UNPLUGGED, JUMPED, FAST, STUCK = 5, 3, 6, 4
+CASES = {
+    "to and fro": (square(600, 700), {}, None),
+    "into its high limit, and back": (square(900, 1900), {}, None),
+    "slow pulses below friction": (np.where(np.arange(4000) % 800 < 600, 260, 0), {}, wire.STALL),
+    "a small duty may rest": (np.full(4000, 140), {}, None),
+    "against its drive": (square(600, 700), {"gain": -1.0}, wire.DIRECTION),
+    "too fast": (square(1000, 700), {"gain": 5.0}, wire.STRIKE),
+    "stuck": (np.full(4000, 600), {"gain": 0.0}, wire.STALL),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_emulator_judges_as_the_firmware(rules, case):
+    levels, joint, expected = CASES[case]
+    if case == "slow pulses below friction":
+        joint = {"friction": 300.0}
+    places = moved(levels, **joint)
+    played, (tick, reason) = of_firmware(rules, places, levels)
+    mine, (my_tick, my_reason) = of_emulator(places, levels)
+    assert my_reason == reason
+    assert expected is None or reason == expected
+    assert expected is not None or reason == 0
+    assert my_tick == pytest.approx(tick, abs=4)  # the firmware counts in whole numbers
+    n = min(len(played), len(mine))
+    assert mine[:n] == played[:n]
+
+
+@pytest.mark.parametrize("place", [0, 30, 4080, 3000])
+def test_a_sensor_that_fails_is_seen_at_once_by_both(rules, place):
+    levels = np.full(200, 300)
+    places = moved(levels)
+    places[100:] = place
+    fault = of_firmware(rules, places, levels)[1]
+    assert fault == of_emulator(places, levels)[1] == (100, wire.NO_SENSOR)
+
+
+def test_random_courses_are_judged_alike(rules):
+    rng = np.random.default_rng(5)
+    reasons = []
+    for _ in range(60):
+        levels = np.repeat(rng.integers(-1000, 1001, 20), 200)
+        places = moved(levels, rng.uniform(-0.3, 2.5), rng.uniform(1000, 3000), rng.uniform(50, 400), 0.04)
+        played, (tick, reason) = of_firmware(rules, places, levels)
+        mine, (my_tick, my_reason) = of_emulator(places, levels)
+        assert (my_reason, my_tick) == (reason, pytest.approx(tick, abs=6))
+        n = min(len(played), len(mine))
+        assert mine[:n] == played[:n]
+        reasons.append(reason)
+    assert {0, wire.STALL, wire.DIRECTION} <= set(reasons)
