@@ -9,9 +9,9 @@ import pytest
 
 from twin.rig import wire
 from twin.rig.avr import FIRMWARE
-from twin.rig.board import Joint
+from twin.rig.board import Board, Joint
 
-pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed; install Debian's gcc")
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed; install Debian's gcc")
 FULL = 4092
 SETUP = wire.Setup(0, 900, 3100, 3000, 1000, 100, 800, 40, wire.USED)
 u8, u16, i16, i32 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_int16, ctypes.c_int32
@@ -21,9 +21,9 @@ class Limits(ctypes.Structure):
     """struct limits of safety.h."""
 
     _fields_ = (
-        [(name, u16) for name in ("low", "high", "strike", "duty", "slew", "stall", "motion")]
-        + [("reversed", ctypes.c_bool), ("used", ctypes.c_bool)]
-        + [(name, u16) for name in ("jump", "quarter", "decay")]
+        *((name, u16) for name in ("low", "high", "strike", "duty", "slew", "stall", "motion")),
+        *(("reversed", ctypes.c_bool), ("used", ctypes.c_bool)),
+        *((name, u16) for name in ("jump", "quarter", "decay")),
     )
 
 
@@ -31,9 +31,9 @@ class CJoint(ctypes.Structure):
     """struct joint of safety.h."""
 
     _fields_ = (
-        [("limits", Limits), ("reading", i16), ("past", i16 * 8), ("next", u8), ("smooth", i32), ("slow", i32)]
-        + [("duty", i16), ("drive", ctypes.c_int8), ("turned", u16), ("ahead", i32), ("pace", u16)]
-        + [("lowest", i32), ("highest", i32), ("still", ctypes.c_uint32)]
+        *(("limits", Limits), ("reading", i16), ("past", i16 * 8), ("next", u8), ("smooth", i32), ("slow", i32)),
+        *(("duty", i16), ("drive", ctypes.c_int8), ("turned", u16), ("ahead", i32), ("pace", u16)),
+        *(("lowest", i32), ("highest", i32), ("still", ctypes.c_uint32)),
     )
 
 
@@ -105,6 +105,7 @@ CASES = {
 }
 
 
+@needs_gcc
 @pytest.mark.parametrize("case", CASES)
 def test_the_emulator_judges_as_the_firmware(rules, case):
     levels, joint, expected = CASES[case]
@@ -121,6 +122,7 @@ def test_the_emulator_judges_as_the_firmware(rules, case):
     assert mine[:n] == played[:n]
 
 
+@needs_gcc
 @pytest.mark.parametrize("place", [0, 30, 4080, 3000])
 def test_a_sensor_that_fails_is_seen_at_once_by_both(rules, place):
     levels = np.full(200, 300)
@@ -130,6 +132,7 @@ def test_a_sensor_that_fails_is_seen_at_once_by_both(rules, place):
     assert fault == of_emulator(places, levels)[1] == (100, wire.NO_SENSOR)
 
 
+@needs_gcc
 def test_random_courses_are_judged_alike(rules):
     rng = np.random.default_rng(5)
     reasons = []
@@ -143,3 +146,71 @@ def test_random_courses_are_judged_alike(rules):
         assert mine[:n] == played[:n]
         reasons.append(reason)
     assert {0, wire.STALL, wire.DIRECTION} <= set(reasons)
+
+
+class Still:
+    """A joint that stands at mid range and a supply that is there."""
+
+    full = FULL
+
+    def position(self, joint):
+        return 2000.0
+
+    def reading(self, joint):
+        return 2000
+
+    def supply(self):
+        return 1600
+
+    def step(self, duties):
+        self.duties = duties
+
+    def switch_off(self):
+        self.duties = [0.0] * 3
+
+
+def said(board, *messages):
+    """The reasons with which a board answers."""
+    for k, message in enumerate(messages):
+        board.answer(k, message)
+    done = [m.reason for m in board.outbox if isinstance(m, wire.Done)]
+    board.outbox.clear()
+    return done
+
+
+def test_what_the_page_refuses_is_refused_with_its_reason():
+    row = tuple(range(20))
+    few = wire.Levels(0, 20, row)
+    for messages, reason in (
+        ([wire.Start()], wire.STATE),
+        ([few], wire.SETUP),
+        ([wire.Setup(3, *[0] * 8)], wire.VALUE),
+        ([wire.Setup(0, 900, 800, 1, 1, 1, 1, 1, wire.USED)], wire.VALUE),
+        ([SETUP, wire.Levels(5, 20, row)], wire.GAP),
+        ([SETUP, wire.Levels(0, 1, (1024,))], wire.VALUE),
+        ([SETUP, few, wire.Arm(41, 20, 1)], wire.VALUE),
+        ([SETUP, few, wire.Arm(40, 21, 1)], wire.FEW),
+        ([SETUP, few, wire.Arm(40, 20, 1), SETUP], wire.STATE),
+        ([SETUP, few, wire.Arm(40, 20, 1), wire.Start(), wire.Arm(40, 20, 1)], wire.STATE),
+    ):
+        answers = said(Board(Still()), *messages)
+        assert answers == [0] * (len(messages) - 1) + [reason], messages
+
+
+def test_the_ring_holds_256_levels_and_a_repetition_takes_no_room():
+    board = Board(Still())
+    rows = [wire.Levels(k, 16, (0,) * 16) for k in range(0, 256, 16)]
+    assert said(board, SETUP, *rows, rows[-1], wire.Levels(256, 1, (0,))) == [0] * 18 + [wire.ROOM]
+
+
+def test_a_run_without_its_next_level_is_starved():
+    board = Board(Still())
+    assert said(board, SETUP, wire.Levels(0, 10, (100,) * 10), wire.Arm(20, 10, 1), wire.Start()) == [0, 0, 0, 0]
+    board._arm = wire.Arm(20, 11, 1)  # one more sample than there are levels
+    for _ in range(200):
+        if board.state == wire.RUNNING:
+            board.tick()
+    assert board.state == wire.FAILED
+    assert [m.reason for m in board.outbox if isinstance(m, wire.Fault)] == [wire.STARVED] * 3
+    assert len([m for m in board.outbox if isinstance(m, wire.Sample)]) == 10
+    assert board.plant.duties == [0.0] * 3
