@@ -14,6 +14,7 @@ from twin.rig.scripted import FULL, HIGH, HOLD, LOW, MOTION, PERIOD, STALL, SUPP
 
 AFTER = 0.25  # [s] for which the drive has to stay off
 ALLOWED = 0.05  # [s]
+SETTLING = 0.02  # [s] that the firmware's smoothed reading takes to stand
 
 
 class Watch:
@@ -43,7 +44,7 @@ class Watch:
             self.way, self.turned = way, self.run.avr.time
         if (way > 0 and place < HIGH - least) or (way < 0 and place > LOW + least):
             self.still += STEP * (0.25 if self.run.avr.time - self.turned < STALL / 4 else 1.0)
-        return self.still >= STALL
+        return self.still >= STALL + SETTLING
 
     def supply(self) -> bool:
         """From when the supply is below 60 % of what it was."""

@@ -23,8 +23,8 @@ bool joint_read(struct joint *j, int16_t reading) {
     j->past[j->next] = j->reading;
     j->next = (uint8_t)((j->next + 1) % SPEED_MS);
     j->reading = reading;
-    j->smooth += (reading * FINE - j->smooth) / 8;
-    j->slow += (reading * FINE - j->slow) / 32;
+    j->smooth += (reading * FINE - j->smooth) / 4;
+    j->slow += (reading * FINE - j->slow) / 16;
     return near;
 }
 
@@ -47,7 +47,7 @@ static bool at_limit(const struct joint *j) {
 }
 
 static void turn(struct joint *j, int8_t drive) {
-    int32_t speed = (j->slow - j->smooth) * drive / (31 - 7); /* a ramp is 7 ms ahead of the one and 31 of the other */
+    int32_t speed = (j->slow - j->smooth) * drive / (15 - 3); /* a ramp is 3 ms ahead of the one and 15 of the other */
     j->drive = drive;
     j->turned = 0;
     j->ahead = j->smooth;

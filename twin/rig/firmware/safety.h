@@ -28,7 +28,7 @@ struct joint {
     struct limits limits;
     int16_t reading, past[SPEED_MS]; /* [counts] */
     uint8_t next;                    /* place of the oldest of `past`, one for each millisecond */
-    int32_t smooth, slow;            /* [counts / 256]: the reading after lags of 8 and 32 ms, which take out its noise */
+    int32_t smooth, slow;            /* [counts / 256]: the reading after lags of 4 and 16 ms, which take out its noise */
     int16_t duty;                    /* played, after limits and slew */
     int8_t drive;                    /* sign of the duty while the joint is driven, else 0 */
     uint16_t turned;                 /* [ms] since the drive turned */
