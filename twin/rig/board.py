@@ -12,6 +12,7 @@ from twin.rig import wire
 TICK = 0.001  # [s] of the control loop
 EDGE = 0.01  # of a full reading: no working sensor reads there
 STRIKE_TICKS, SUPPLY_TICKS = 8, 5
+RESTED = 60  # ms without drive, after which the time under drive counts anew
 COAST = 125  # ms: no joint of a leg keeps its speed for longer
 LEAST_SUPPLY = 0.6  # of that at ARM
 LONGEST_HOLD = 30_000  # ms of a period
@@ -43,7 +44,7 @@ class Joint:
     """A joint in a run: its duty, and what its faults are judged by, as `firmware/safety.c` does it.
 
     Places are in counts; directions are those in which counts rise. `smooth` and `slow` follow the reading with lags of
-    8 and 32 ms. `ahead` is the place furthest with the drive, less what the joint may coast against it at `pace`
+    4 and 16 ms. `ahead` is the place furthest with the drive, less what the joint may coast against it at `pace`
     [counts/ms] since the drive has turned. `still` [ms] is the time under drive since it moved by the least motion.
     """
 
@@ -77,8 +78,8 @@ class Joint:
         """The number of the fault that a new reading shows under the duty of the last millisecond, or 0."""
         before, self.place = self.place, place
         self.past.append(before)
-        self.smooth += (place - self.smooth) / 8.0
-        self.slow += (place - self.slow) / 32.0
+        self.smooth += (place - self.smooth) / 4.0
+        self.slow += (place - self.slow) / 16.0
         if not EDGE * self.full < place < (1.0 - EDGE) * self.full or abs(place - before) > self.jump:
             return wire.NO_SENSOR
         if abs(place - self.past[0]) * 1000.0 / STRIKE_TICKS > self.setup.strike:
@@ -87,7 +88,7 @@ class Joint:
         self.turned += 1
         if drive != self.drive:
             self.drive, self.turned, self.ahead = drive, 0, self.smooth
-            self.pace = max((self.slow - self.smooth) * drive / 24.0, 0.0)  # a ramp is 7 ms ahead of one lag, 31 of two
+            self.pace = max((self.slow - self.smooth) * drive / 12.0, 0.0)  # a ramp is 3 ms ahead of one lag, 15 of two
         if drive and self._goes_against():
             return wire.DIRECTION
         return wire.STALL if self._is_stuck() else 0
@@ -105,6 +106,8 @@ class Joint:
         at_limit = self.place + s.motion >= s.high if self.drive > 0 else self.place - s.motion <= s.low
         if self.highest - self.lowest >= s.motion:
             self.lowest = self.highest = self.smooth
+            self.still = 0.0
+        elif not self.drive and self.turned >= RESTED:
             self.still = 0.0
         elif self.drive and not at_limit:
             self.still += 0.25 if self.turned < self.quarter else 1.0

@@ -51,7 +51,7 @@ class Calibration(BaseModel):
     largest: float = Field(12.0, gt=0)
     slew: float = Field(12_000.0, gt=0)
     strike: float = Field(10.0, gt=0)
-    stall: float = Field(10.0, gt=0, le=60)
+    stall: float = Field(3.0, gt=0, le=60)
     motion: float = Field(float(np.deg2rad(2.0)), gt=0)
     moves_up: float = Field(1.0, gt=0, le=1)
     moves_down: float = Field(1.0, gt=0, le=1)
