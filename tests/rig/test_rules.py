@@ -97,17 +97,7 @@ UNPLUGGED, JUMPED, FAST, STUCK = 5, 3, 6, 4
 CASES = {
     "to and fro": (square(600, 700), {}, None),
     "into its high limit, and back": (square(900, 1900), {}, None),
-    "pulses below friction, from rest": (np.where(np.arange(4000) % 800 < 700, 260, 0), {"friction": 300.0}, None),
-    "pulses below friction, without a rest": (
-        np.where(np.arange(4000) % 500 < 450, 260, -260),
-        {"friction": 300.0},
-        wire.STALL,
-    ),
-    "pulses below friction, with short rests": (
-        np.where(np.arange(4000) % 450 < 400, 260, 0),
-        {"friction": 300.0},
-        wire.STALL,
-    ),
+    "pulses below friction": (np.where(np.arange(4000) % 800 < 600, 260, 0), {"friction": 300.0}, wire.STALL),
     "a small duty may rest": (np.full(4000, 140), {}, None),
     "against its drive": (square(600, 700), {"gain": -1.0}, wire.DIRECTION),
     "too fast": (square(1000, 700), {"gain": 5.0}, wire.STRIKE),

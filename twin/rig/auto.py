@@ -136,7 +136,9 @@ def campaign(
         assert calibration.crossing is not None
         go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, 2.0 * calibration.crossing)
         levels = check_input(given, calibration)
-        recording = play(link, calibration.setup(link.identity.full), levels, given.Ts, share)
+        recording = play(
+            link, calibration.setup(link.identity.full, calibration.patience(levels, given.Ts)), levels, given.Ts, share
+        )
         log = log_of(recording, calibration, link, given.source)
         keep(number, log)
         done = replace(done, rig_seconds=link.rig_seconds)

@@ -12,7 +12,6 @@ from twin.rig import wire
 TICK = 0.001  # [s] of the control loop
 EDGE = 0.01  # of a full reading: no working sensor reads there
 STRIKE_TICKS, SUPPLY_TICKS = 8, 5
-RESTED = 60  # ms without drive, after which the time under drive counts anew
 COAST = 125  # ms: no joint of a leg keeps its speed for longer
 LEAST_SUPPLY = 0.6  # of that at ARM
 LONGEST_HOLD = 30_000  # ms of a period
@@ -106,8 +105,6 @@ class Joint:
         at_limit = self.place + s.motion >= s.high if self.drive > 0 else self.place - s.motion <= s.low
         if self.highest - self.lowest >= s.motion:
             self.lowest = self.highest = self.smooth
-            self.still = 0.0
-        elif not self.drive and self.turned >= RESTED:
             self.still = 0.0
         elif self.drive and not at_limit:
             self.still += 0.25 if self.turned < self.quarter else 1.0

@@ -12,6 +12,7 @@ from sysid.base.files import check_regular_file, write_text
 from twin.rig import wire
 
 DEFAULT = "rig.toml"
+SURE = 1.2  # times the share that moved a joint: beyond it the joint moves
 _COMMENTS = {
     "port": "serial port",
     "joint": "name of the joint in logs",
@@ -106,8 +107,31 @@ class Calibration(BaseModel):
         """The voltages (N,) of duties as they were played."""
         return np.sign(self.scale) * np.asarray(duty) / wire.FULL * self.supply
 
-    def setup(self, full: int) -> wire.Setup:
-        """The limits as the firmware takes them, for a converter with a reading of up to `full` counts."""
+    def patience(self, levels: np.ndarray, Ts: float) -> float:
+        """The longest time [s] under drive for which levels (N,) [duty] may not move the joint by the least motion.
+
+        The firmware adds this time up, and rising pulses from rest and small reversals are meant to move it little. How
+        fast it goes is guessed from its crossing, with friction as high as the share that moved it when it was wired.
+        """
+        if self.crossing is None or self.low_angle is None or self.high_angle is None:
+            return 0.0
+        dry = np.minimum(SURE * np.where(levels > 0, self.moves_up, self.moves_down), 0.95)
+        share = np.maximum(np.abs(levels) / wire.FULL - dry, 0.0) / (1.0 - dry)
+        places = np.cumsum(np.sign(levels) * share) * Ts * abs(self.high_angle - self.low_angle) / self.crossing
+        still = longest = 0
+        low = high = 0.0
+        for place, level in zip(places.tolist(), levels.tolist(), strict=True):
+            low, high, still = min(low, place), max(high, place), still + (level != 0)
+            if high - low >= self.motion:
+                low, high, still = place, place, 0
+            longest = max(longest, still)
+        return longest * Ts
+
+    def setup(self, full: int, patience: float = 0.0) -> wire.Setup:
+        """The limits as the firmware takes them, for a converter with a reading of up to `full` counts.
+
+        `patience` [s] is added to the stall time.
+        """
         if self.soft_low is None or self.soft_high is None:
             raise self._not_zeroed()
         low, high = sorted(self.counts(angle) for angle in (self.soft_low, self.soft_high))
@@ -119,7 +143,7 @@ class Calibration(BaseModel):
             _whole(self.strike / scale),
             _whole(self.largest / self.supply * wire.FULL),
             _whole(self.slew / self.supply * wire.FULL * 1e-3, 2 * wire.FULL),
-            _whole(self.stall * 1e3),
+            _whole((self.stall + patience) * 1e3),
             _whole(self.motion / scale),
             wire.USED + wire.REVERSED * self.motor_reversed,
         )

@@ -67,8 +67,6 @@ static bool is_stuck(struct joint *j) {
     if (j->highest - j->lowest >= j->limits.motion * FINE) {
         j->lowest = j->highest = j->smooth;
         j->still = 0;
-    } else if (!j->drive && j->turned >= RESTED_MS) {
-        j->still = 0;
     } else if (j->drive && !at_limit(j)) {
         j->still += j->turned < j->limits.quarter ? 1 : 4; /* about a reversal even a free joint hardly moves */
     }

@@ -9,7 +9,6 @@
 #define EDGE 41           /* [counts]: 1 % of a full reading; a wiper that hangs loose is pulled there by its resistor */
 #define SPEED_MS 8        /* [ms] over which the speed of a strike is taken: one count is then 125 counts/s */
 #define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer */
-#define RESTED_MS 60      /* [ms] without drive, after which the time under drive counts anew */
 
 struct limits {
     uint16_t low, high; /* [counts] */
