@@ -92,6 +92,21 @@ def test_slew_is_in_the_voltage_that_is_logged(rig):
     assert log.u[4:20] == pytest.approx(6.0, abs=0.01)
 
 
+def test_rising_pulses_from_rest_are_no_stall_and_a_blocked_joint_is(rig):
+    """Pulses of 3.1 to 3.3 V leave the joint at rest, which starts at 3.7 V: 6 s under drive."""
+    pulses = np.repeat(np.ravel([(v, 0.0) for v in np.linspace(3.1, 3.3, 6)]), 50)
+    with rig(changes={"moves_up": 0.35, "moves_down": 0.3}) as (emulator, link, calibration):
+        assert emulator.truth(TS)["breakaway_up"] > 3.6
+        levels = check_input(Input(pulses, TS), calibration)
+        assert calibration.patience(levels, TS) == pytest.approx(6.0)
+        impatient = play(link, calibration.setup(1023), levels, TS)
+        assert impatient.fault == wire.STALL
+        assert impatient.duration == pytest.approx(2 * 3.0, abs=0.5)  # 3 s of drive, and the rests between
+        assert play(link, calibration.setup(1023, calibration.patience(levels, TS)), levels, TS).reason == ""
+        full = calibration.levels(np.repeat([12.0, -12.0], 50))
+        assert calibration.patience(full, TS) < 0.2
+
+
 def test_a_design_beyond_the_limits_is_refused_before_anything_moves(rig):
     with rig(changes={"largest": 9.0}) as (emulator, _, calibration):
         before = emulator.plant.position(0)
