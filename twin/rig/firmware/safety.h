@@ -8,6 +8,7 @@
 #define FULL_READING 4092 /* [counts]: the sum of four conversions of 10 bits */
 #define EDGE 41           /* [counts]: 1 % of a full reading; a wiper that hangs loose is pulled there by its resistor */
 #define SPEED_MS 8        /* [ms] over which the speed of a strike is taken: one count is then 125 counts/s */
+#define PARTS 4           /* of the stall time, after each of which it is asked whether the joint moved */
 #define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer */
 
 struct limits {
@@ -34,8 +35,11 @@ struct joint {
     uint16_t turned;                 /* [ms] since the drive turned */
     int32_t ahead;                   /* [counts / 256]: furthest with the drive, less what it may coast against it */
     uint16_t pace;                   /* [counts / 256 / ms] at which it may still coast */
-    int32_t lowest, highest;         /* [counts / 256]: where it was since it last moved by the least motion */
-    uint32_t still;                  /* [ms / 4] driven since then */
+    struct {
+        int32_t lowest, highest;     /* [counts / 256]: where it was */
+    } parts[PARTS];                  /* of the stall time, the last ones; time that is not driven does not count */
+    uint8_t part, whole;             /* the present part, and how many before it are complete */
+    uint32_t spent;                  /* [ms / PARTS] driven in the present part */
 };
 
 /* Completes limits that the host has sent; returns false if they are none. */
