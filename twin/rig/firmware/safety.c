@@ -5,6 +5,7 @@
 bool limits_complete(struct limits *l) {
     l->jump = (uint16_t)(l->strike / 250 + FULL_READING / 64); /* at four times the limit of speed, and noise */
     l->quarter = l->stall / 4 < COAST_MS ? (uint16_t)(l->stall / 4 + 2) : COAST_MS;
+    l->delay = l->stall / 60 < DELAY_MS ? l->stall / 60 : DELAY_MS;
     l->decay = (uint16_t)(65536UL / l->quarter);
     return l->low < l->high && l->high < FULL_READING && l->strike && l->duty && l->duty <= WIRE_LARGEST_DUTY &&
            l->slew && l->stall && l->motion && l->motion < FULL_READING;
@@ -49,7 +50,8 @@ static void turn(struct joint *j, int8_t drive) {
 
 static bool goes_against(struct joint *j) {
     j->ahead -= (int32_t)j->pace * j->drive;
-    if (j->pace) j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16)); /* it ends */
+    if (j->pace && j->turned >= j->limits.delay)
+        j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16));
     if ((j->smooth - j->ahead) * j->drive > 0) j->ahead = j->smooth;
     return (j->ahead - j->smooth) * j->drive >= j->limits.motion * FINE;
 }

@@ -9,7 +9,8 @@
 #define EDGE 41           /* [counts]: 1 % of a full reading; a wiper that hangs loose is pulled there by its resistor */
 #define SPEED_MS 8        /* [ms] over which the speed of a strike is taken: one count is then 125 counts/s */
 #define PARTS 4           /* of the stall time, after each of which it is asked whether the joint moved */
-#define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer */
+#define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer, */
+#define DELAY_MS 50       /* [ms]: and none heeds its drive later */
 
 struct limits {
     uint16_t low, high; /* [counts] */
@@ -22,6 +23,7 @@ struct limits {
     /* What follows from them, since a division is slow here: */
     uint16_t jump;    /* [counts]: further than the joint can move in 1 ms */
     uint16_t quarter; /* [ms]: of the stall time, at most COAST_MS: the longest time constant with which a joint coasts */
+    uint16_t delay;   /* [ms]: a sixtieth of the stall time, at most DELAY_MS, in which a joint does not heed a turn yet */
     uint16_t decay;   /* [1/65536]: share of its speed that such a joint loses in 1 ms */
 };
 
