@@ -4,10 +4,11 @@
 
 A case is one run of three drawn joints with random levels at 200 Hz, and a fault of one kind at a random time and a
 random byte; twin/rig/faults.py says from when on each kind can be seen. A stuck sensor is seen when the stall time
-(0.25 s, driven) and 20 ms are over; a motor that changes its sign when the joint has gone back by the least motion
-(0.6 % of a full reading) further than one whose sign did not change. Where the drive was off before, 0 ms count. A case
-is met if the drive was off in time, stayed off while the host went on, and the firmware called the fault by its name.
-Besides, runs of 10 s without a fault, with 1 % of the host's frames damaged: nothing may stop them.
+(0.25 s, driven), the quarter of it in which it may have begun, and 20 ms are over; a motor that changes its sign when
+the joint has gone back by the least motion (0.6 % of a full reading, and 0.15 % of noise) further than one whose sign
+did not change. Where the drive was off before, 0 ms count. A case is met if the drive was off in time, stayed off while
+the host went on, and the firmware called the fault by its name. Besides, runs of 10 s without a fault, with 1 % of the
+host's frames damaged: nothing may stop them.
 """
 
 import argparse

@@ -14,6 +14,7 @@ from twin.rig.scripted import FULL, HIGH, HOLD, LOW, MOTION, PERIOD, STALL, SUPP
 
 AFTER = 0.25  # [s] for which the drive has to stay off
 ALLOWED = 0.05  # [s]
+NOISE = 6  # [counts] by which readings of a joint that moves are uncertain
 SETTLING = 0.02  # [s] that the firmware's smoothed reading takes to stand
 
 
@@ -44,7 +45,7 @@ class Watch:
             self.way, self.turned = way, self.run.avr.time
         if (way > 0 and place < HIGH - least) or (way < 0 and place > LOW + least):
             self.still += STEP * (0.25 if self.run.avr.time - self.turned < STALL / 4 else 1.0)
-        return self.still >= STALL + SETTLING
+        return self.still >= 1.25 * STALL + SETTLING
 
     def supply(self) -> bool:
         """From when the supply is below 60 % of what it was."""
@@ -59,7 +60,7 @@ class Watch:
         return bool(np.max(np.abs(self.run.legs.speed)) > self.run.strike)
 
     def against(self) -> bool:
-        """From when the joint, driven, is the least motion further back than a healthy one since the drive turned."""
+        """From when the joint, driven, is the least motion and `NOISE` further back than a healthy one would be."""
         legs, way = self.run.legs, self.run.driven(self.joint)
         healthy = legs.motor(np.asarray(self.run.avr.duties), np.full(3, self.shadow_speed), np.ones(3))
         self.shadow_speed = float(healthy[self.joint])
@@ -69,7 +70,7 @@ class Watch:
         self.shadow += STEP * self.shadow_speed
         back = (self.from_place - legs.place[self.joint]) * way
         excused = max((self.from_place - self.shadow) * way, 0.0)
-        return bool(way and back - excused >= MOTION / FULL)
+        return bool(way and back - excused >= (MOTION + NOISE) / FULL)
 
 
 Inject = Callable[[Run, int, np.random.Generator], None]

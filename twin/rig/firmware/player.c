@@ -95,7 +95,7 @@ static uint8_t do_setup(const uint8_t *p) {
     if (active()) return REFUSED_STATE;
     if (p[0] >= WIRE_JOINTS) return REFUSED_VALUE;
     struct limits l = {wire_u16(p + 1),  wire_u16(p + 3),  wire_u16(p + 5),  wire_u16(p + 7), wire_u16(p + 9),
-                       wire_u16(p + 11), wire_u16(p + 13), (p[15] & 1) != 0, (p[15] & 2) != 0, 0, 0, 0};
+                       wire_u16(p + 11), wire_u16(p + 13), (p[15] & 1) != 0, (p[15] & 2) != 0, 0, 0, 0, 0};
     if (!limits_complete(&l) && l.used) return REFUSED_VALUE;
     if (l.used != joints[p[0]].limits.used) received = taken = 0;
     joints[p[0]].limits = l;

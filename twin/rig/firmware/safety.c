@@ -5,6 +5,7 @@
 bool limits_complete(struct limits *l) {
     l->jump = (uint16_t)(l->strike / 250 + FULL_READING / 64); /* at four times the limit of speed, and noise */
     l->quarter = l->stall / 4 < COAST_MS ? (uint16_t)(l->stall / 4 + 2) : COAST_MS;
+    l->delay = l->stall / 60 < DELAY_MS ? l->stall / 60 : DELAY_MS;
     l->decay = (uint16_t)(65536UL / l->quarter);
     return l->low < l->high && l->high < FULL_READING && l->strike && l->duty && l->duty <= WIRE_LARGEST_DUTY &&
            l->slew && l->stall && l->motion && l->motion < FULL_READING;
@@ -28,13 +29,6 @@ bool joint_read(struct joint *j, int16_t reading) {
     return near;
 }
 
-void joint_rest(struct joint *j) {
-    j->duty = 0;
-    j->drive = 0;
-    j->lowest = j->highest = j->smooth;
-    j->still = 0;
-}
-
 /* A small duty may leave a joint at rest by friction, or let its load move it: a quarter of the limit drives. */
 static int8_t drive_of(const struct joint *j) {
     if (size(j->duty) * 4UL < j->limits.duty) return 0;
@@ -56,21 +50,39 @@ static void turn(struct joint *j, int8_t drive) {
 
 static bool goes_against(struct joint *j) {
     j->ahead -= (int32_t)j->pace * j->drive;
-    if (j->pace) j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16)); /* it ends */
+    if (j->pace && j->turned >= j->limits.delay)
+        j->pace = (uint16_t)(j->pace - 1U - (uint16_t)((uint32_t)j->pace * j->limits.decay >> 16));
     if ((j->smooth - j->ahead) * j->drive > 0) j->ahead = j->smooth;
     return (j->ahead - j->smooth) * j->drive >= j->limits.motion * FINE;
 }
 
+static void begin_part(struct joint *j) {
+    j->parts[j->part].lowest = j->parts[j->part].highest = j->smooth;
+    j->spent = 0;
+}
+
+void joint_rest(struct joint *j) {
+    j->duty = 0;
+    j->drive = 0;
+    j->part = j->whole = 0;
+    begin_part(j);
+}
+
 static bool is_stuck(struct joint *j) {
-    if (j->smooth < j->lowest) j->lowest = j->smooth;
-    if (j->smooth > j->highest) j->highest = j->smooth;
-    if (j->highest - j->lowest >= j->limits.motion * FINE) {
-        j->lowest = j->highest = j->smooth;
-        j->still = 0;
-    } else if (j->drive && !at_limit(j)) {
-        j->still += j->turned < j->limits.quarter ? 1 : 4; /* about a reversal even a free joint hardly moves */
+    int32_t lowest = j->smooth, highest = j->smooth;
+    if (j->smooth < j->parts[j->part].lowest) j->parts[j->part].lowest = j->smooth;
+    if (j->smooth > j->parts[j->part].highest) j->parts[j->part].highest = j->smooth;
+    /* About a turn even a free joint hardly moves. */
+    if (j->drive && !at_limit(j)) j->spent += j->turned < j->limits.quarter ? 1 : PARTS;
+    if (j->spent < j->limits.stall) return false;
+    if (j->whole < PARTS) j->whole++;
+    for (uint8_t p = 0; p < PARTS; p++) {
+        if (j->parts[p].lowest < lowest) lowest = j->parts[p].lowest;
+        if (j->parts[p].highest > highest) highest = j->parts[p].highest;
     }
-    return j->still >= 4UL * j->limits.stall;
+    j->part = (uint8_t)((j->part + 1) % PARTS);
+    begin_part(j);
+    return j->whole == PARTS && highest - lowest < j->limits.motion * FINE;
 }
 
 uint8_t joint_fault(struct joint *j) {

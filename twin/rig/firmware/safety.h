@@ -8,7 +8,9 @@
 #define FULL_READING 4092 /* [counts]: the sum of four conversions of 10 bits */
 #define EDGE 41           /* [counts]: 1 % of a full reading; a wiper that hangs loose is pulled there by its resistor */
 #define SPEED_MS 8        /* [ms] over which the speed of a strike is taken: one count is then 125 counts/s */
-#define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer */
+#define PARTS 4           /* of the stall time, after each of which it is asked whether the joint moved */
+#define COAST_MS 125      /* [ms]: no joint of a leg keeps its speed for longer, */
+#define DELAY_MS 50       /* [ms]: and none heeds its drive later */
 
 struct limits {
     uint16_t low, high; /* [counts] */
@@ -21,6 +23,7 @@ struct limits {
     /* What follows from them, since a division is slow here: */
     uint16_t jump;    /* [counts]: further than the joint can move in 1 ms */
     uint16_t quarter; /* [ms]: of the stall time, at most COAST_MS: the longest time constant with which a joint coasts */
+    uint16_t delay;   /* [ms]: a sixtieth of the stall time, at most DELAY_MS, in which a joint does not heed a turn yet */
     uint16_t decay;   /* [1/65536]: share of its speed that such a joint loses in 1 ms */
 };
 
@@ -34,8 +37,11 @@ struct joint {
     uint16_t turned;                 /* [ms] since the drive turned */
     int32_t ahead;                   /* [counts / 256]: furthest with the drive, less what it may coast against it */
     uint16_t pace;                   /* [counts / 256 / ms] at which it may still coast */
-    int32_t lowest, highest;         /* [counts / 256]: where it was since it last moved by the least motion */
-    uint32_t still;                  /* [ms / 4] driven since then */
+    struct {
+        int32_t lowest, highest;     /* [counts / 256]: where it was */
+    } parts[PARTS];                  /* of the stall time, the last ones; time that is not driven does not count */
+    uint8_t part, whole;             /* the present part, and how many before it are complete */
+    uint32_t spent;                  /* [ms / PARTS] driven in the present part */
 };
 
 /* Completes limits that the host has sent; returns false if they are none. */
