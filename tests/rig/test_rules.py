@@ -14,57 +14,50 @@ from twin.rig.board import Board, Joint
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed; install Debian's gcc")
 FULL = 4092
 SETUP = wire.Setup(0, 900, 3100, 3000, 1000, 100, 800, 40, wire.USED)
-u8, u16, i16, i32 = ctypes.c_uint8, ctypes.c_uint16, ctypes.c_int16, ctypes.c_int32
-
-
-class Limits(ctypes.Structure):
-    """struct limits of safety.h."""
-
-    _fields_ = (
-        *((name, u16) for name in ("low", "high", "strike", "duty", "slew", "stall", "motion")),
-        *(("reversed", ctypes.c_bool), ("used", ctypes.c_bool)),
-        *((name, u16) for name in ("jump", "quarter", "decay")),
-    )
-
-
-class CJoint(ctypes.Structure):
-    """struct joint of safety.h."""
-
-    _fields_ = (
-        *(("limits", Limits), ("reading", i16), ("past", i16 * 8), ("next", u8), ("smooth", i32), ("slow", i32)),
-        *(("duty", i16), ("drive", ctypes.c_int8), ("turned", u16), ("ahead", i32), ("pace", u16)),
-        *(("lowest", i32), ("highest", i32), ("still", ctypes.c_uint32)),
-    )
+# The control loop's three calls for one joint, in the order of player.c.
+LOOP = """
+#include <string.h>
+#include "safety.h"
+static struct joint joint;
+int begin(int low, int high, int strike, int duty, int slew, int stall, int motion, int place) {
+    memset(&joint, 0, sizeof joint);
+    joint.limits = (struct limits){.low = low, .high = high, .strike = strike, .duty = duty, .slew = slew,
+                                   .stall = stall, .motion = motion, .used = true};
+    joint.reading = place;
+    for (int k = 0; k < SPEED_MS; k++) joint.past[k] = place;
+    joint.smooth = joint.slow = 256L * place;
+    joint_rest(&joint);
+    return limits_complete(&joint.limits);
+}
+int fault(int place) {
+    bool near = joint_read(&joint, place);
+    return near ? joint_fault(&joint) : FAULT_SENSOR;
+}
+int cut(int level) { return joint_drive(&joint, level); }
+int duty(void) { return joint.duty; }
+"""
 
 
 @pytest.fixture(scope="module")
 def rules(tmp_path_factory):
     """safety.c on this computer."""
-    out = tmp_path_factory.mktemp("rules") / "safety.so"
-    sources = [str(FIRMWARE / name) for name in ("safety.c", "wire.c")]
-    subprocess.run(["gcc", "-std=c99", "-DF_CPU=16000000UL", "-shared", "-fPIC", "-o", str(out), *sources], check=True)
-    library = ctypes.CDLL(str(out))
-    library.joint_read.restype = library.limits_complete.restype = ctypes.c_bool
-    library.joint_fault.restype = library.joint_drive.restype = u8
-    return library
+    folder = tmp_path_factory.mktemp("rules")
+    (folder / "loop.c").write_text(LOOP)
+    sources = [str(folder / "loop.c"), *(str(FIRMWARE / name) for name in ("safety.c", "wire.c"))]
+    flags = ["-std=c99", "-DF_CPU=16000000UL", f"-I{FIRMWARE}", "-shared", "-fPIC", "-o", str(folder / "rules.so")]
+    subprocess.run(["gcc", *flags, *sources], check=True)
+    return ctypes.CDLL(str(folder / "rules.so"))
 
 
 def of_firmware(rules, places, levels):
     """Duties, cuts, and tick and number of the fault, as the control loop calls it."""
-    joint = CJoint(limits=Limits(*(getattr(SETUP, n) for n in ("low", "high", "strike", "duty", "slew", "stall")), 40))
-    assert rules.limits_complete(ctypes.byref(joint.limits))
-    joint.reading = places[0]
-    joint.past[:] = [places[0]] * 8
-    joint.smooth = joint.slow = 256 * places[0]
-    rules.joint_rest(ctypes.byref(joint))
-    played = []
+    s, played = SETUP, []
+    assert rules.begin(s.low, s.high, s.strike, s.duty, s.slew, s.stall, s.motion, int(places[0]))
     for k, (place, level) in enumerate(zip(places, levels, strict=True)):
-        near = rules.joint_read(ctypes.byref(joint), int(place))
-        reason = rules.joint_fault(ctypes.byref(joint))
-        if reason or not near:
-            return played, (k, reason if near else wire.NO_SENSOR)
-        cut = rules.joint_drive(ctypes.byref(joint), int(level))
-        played.append((joint.duty, cut))
+        if reason := rules.fault(int(place)):
+            return played, (k, reason)
+        cut = rules.cut(int(level))
+        played.append((rules.duty(), cut))
     return played, (len(places), 0)
 
 

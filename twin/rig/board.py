@@ -12,7 +12,8 @@ from twin.rig import wire
 TICK = 0.001  # [s] of the control loop
 EDGE = 0.01  # of a full reading: no working sensor reads there
 STRIKE_TICKS, SUPPLY_TICKS = 8, 5
-COAST = 125  # ms: no joint of a leg keeps its speed for longer
+PARTS = 4  # of the stall time, after each of which it is asked whether the joint moved
+COAST, DELAY = 125, 50  # ms: no joint of a leg keeps its speed for longer, and none heeds its drive later
 LEAST_SUPPLY = 0.6  # of that at ARM
 LONGEST_HOLD = 30_000  # ms of a period
 
@@ -44,7 +45,8 @@ class Joint:
 
     Places are in counts; directions are those in which counts rise. `smooth` and `slow` follow the reading with lags of
     4 and 16 ms. `ahead` is the place furthest with the drive, less what the joint may coast against it at `pace`
-    [counts/ms] since the drive has turned. `still` [ms] is the time under drive since it moved by the least motion.
+    [counts/ms] since the drive has turned. `parts` are its lowest and highest places in the last parts of the stall
+    time, and `spent` [ms / PARTS] is the time under drive in the present one.
     """
 
     setup: wire.Setup
@@ -55,12 +57,14 @@ class Joint:
     drive: int = 0
     turned: int = 0
     pace: float = 0.0
-    still: float = 0.0
+    spent: int = 0
 
     def __post_init__(self) -> None:
         self.past = deque([self.place] * STRIKE_TICKS, maxlen=STRIKE_TICKS)
-        self.smooth = self.slow = self.ahead = self.lowest = self.highest = self.place
-        self.quarter = min(self.setup.stall // 4 + 2, COAST)
+        self.smooth = self.slow = self.ahead = self.place
+        self.parts = deque([[self.place, self.place]], maxlen=PARTS)
+        self.quarter = self.setup.stall // 4 + 2 if self.setup.stall // 4 < COAST else COAST
+        self.delay = min(self.setup.stall // 60, DELAY)
         self.jump = self.setup.strike / 250.0 + self.full / 64.0
 
     def next_duty(self, level: int) -> int:
@@ -94,21 +98,25 @@ class Joint:
 
     def _goes_against(self) -> bool:
         self.ahead -= self.pace * self.drive
-        self.pace = max(self.pace * (1.0 - 1.0 / self.quarter) - 1.0 / 256.0, 0.0)
+        if self.turned >= self.delay:
+            self.pace = max(self.pace * (1.0 - 1.0 / self.quarter) - 1.0 / 256.0, 0.0)
         if (self.smooth - self.ahead) * self.drive > 0.0:
             self.ahead = self.smooth
         return (self.ahead - self.smooth) * self.drive >= self.setup.motion
 
     def _is_stuck(self) -> bool:
-        s = self.setup
-        self.lowest, self.highest = min(self.lowest, self.smooth), max(self.highest, self.smooth)
+        s, part = self.setup, self.parts[-1]
+        part[0], part[1] = min(part[0], self.smooth), max(part[1], self.smooth)
         at_limit = self.place + s.motion >= s.high if self.drive > 0 else self.place - s.motion <= s.low
-        if self.highest - self.lowest >= s.motion:
-            self.lowest = self.highest = self.smooth
-            self.still = 0.0
-        elif self.drive and not at_limit:
-            self.still += 0.25 if self.turned < self.quarter else 1.0
-        return self.still >= s.stall
+        if self.drive and not at_limit:
+            self.spent += 1 if self.turned < self.quarter else PARTS
+        if self.spent < s.stall:
+            return False
+        lowest, highest = min(low for low, _ in self.parts), max(high for _, high in self.parts)
+        is_whole = len(self.parts) == PARTS
+        self.parts.append([self.smooth, self.smooth])
+        self.spent = 0
+        return is_whole and highest - lowest < s.motion
 
 
 class Board:

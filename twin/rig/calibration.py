@@ -1,6 +1,7 @@
 """What a rig is: its port, how a joint is wired to it, counts to angles, and limits. A small TOML file in SI units."""
 
 import tomllib
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -110,22 +111,16 @@ class Calibration(BaseModel):
     def patience(self, levels: np.ndarray, Ts: float) -> float:
         """The longest time [s] under drive for which levels (N,) [duty] may not move the joint by the least motion.
 
-        The firmware adds this time up, and rising pulses from rest and small reversals are meant to move it little. How
-        fast it goes is guessed from its crossing, with friction as high as the share that moved it when it was wired.
+        The firmware adds up the time of a drive, and rising pulses from rest and small reversals are meant to move it
+        little. How fast it goes is guessed from its crossing, with friction as high as the share that moved it when it
+        was wired.
         """
         if self.crossing is None or self.low_angle is None or self.high_angle is None:
             return 0.0
         dry = np.minimum(SURE * np.where(levels > 0, self.moves_up, self.moves_down), 0.95)
         share = np.maximum(np.abs(levels) / wire.FULL - dry, 0.0) / (1.0 - dry)
         places = np.cumsum(np.sign(levels) * share) * Ts * abs(self.high_angle - self.low_angle) / self.crossing
-        still = longest = 0
-        low = high = 0.0
-        for place, level in zip(places.tolist(), levels.tolist(), strict=True):
-            low, high, still = min(low, place), max(high, place), still + (level != 0)
-            if high - low >= self.motion:
-                low, high, still = place, place, 0
-            longest = max(longest, still)
-        return longest * Ts
+        return longest_within(places, levels != 0, self.motion) * Ts
 
     def setup(self, full: int, patience: float = 0.0) -> wire.Setup:
         """The limits as the firmware takes them, for a converter with a reading of up to `full` counts.
@@ -171,6 +166,26 @@ class Calibration(BaseModel):
 
     def _not_zeroed(self) -> InputError:
         return InputError(f"the ends of the {self.joint} have no angles yet; run qpal rig zero first")
+
+
+def longest_within(places: np.ndarray, counted: np.ndarray, width: float) -> int:
+    """The most samples that are `counted` (N,) in a stretch in which `places` (N,) stay within less than `width`."""
+    lows, highs = deque[int](), deque[int]()  # numbers of samples whose places rise, and fall: the first is the extreme
+    total, first, longest = np.concatenate([[0], np.cumsum(counted)]), 0, 0
+    for k, place in enumerate(places):
+        while lows and places[lows[-1]] >= place:
+            lows.pop()
+        while highs and places[highs[-1]] <= place:
+            highs.pop()
+        lows.append(k)
+        highs.append(k)
+        while places[highs[0]] - places[lows[0]] >= width:
+            first += 1
+            for ends in (lows, highs):
+                if ends[0] < first:
+                    ends.popleft()
+        longest = max(longest, int(total[k + 1] - total[first]))
+    return longest
 
 
 def of_joint(port: str, joint: str, channel: int, supply: float, largest: float, linearity: float) -> Calibration:
