@@ -30,9 +30,8 @@ def loop(joint: str, seed: int, way: str, garbled: float, lost: float) -> tuple[
     with Emulator(joint, seed, garbled=garbled, lost=lost) as emulator, Link(emulator.port) as link:
         known = of_joint(link.port, joint, JOINTS.index(joint), emulator.supply, emulator.supply, emulator.linearity)
         wired = find_wiring(link, known, lambda sentence: None)
-        ends = find_ends(link, wired, lambda sentence: None)
-        angle = emulator.plant.angle_of
-        calibration = zero(wired, ends, angle(ends.low), angle(ends.high))
+        ends = find_ends(link, wired, lambda sentence: None, lambda end, counts: emulator.plant.angle_of(counts))
+        calibration = zero(wired, ends)
         return campaign(link, calibration, seed, plain_sweeps=way == "sweeps"), emulator.truth(TS)
 
 

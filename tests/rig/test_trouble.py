@@ -203,9 +203,17 @@ def test_wiring_and_ends_are_found(rig, signs, reversed_motor):
         start = known.model_copy(update={"motor_reversed": not reversed_motor})
         found = find_wiring(link, start, lambda sentence: None)
         assert found.motor_reversed is reversed_motor
-        ends = find_ends(link, found, lambda sentence: None)
+        stood = []
+
+        def angle(end, counts):
+            stood.append((end, read_sensors(link).mean[0] - counts))
+            return emulator.plant.angle_of(counts)
+
+        ends = find_ends(link, found, lambda sentence: None, angle)
+        assert [end for end, _ in stood] == ["low", "high"]
+        assert max(abs(off) for _, off in stood) < 1.5  # it stands there while it is asked
         true, scale = emulator.truth(TS), abs(known.scale)
-        angles = sorted((emulator.plant.angle_of(ends.low), emulator.plant.angle_of(ends.high)))
+        angles = sorted((ends.low_angle, ends.high_angle))
         play_and_noise = true["backlash"] + 4 * emulator.linearity + scale
         assert angles == pytest.approx([true["end_low"], true["end_high"]], abs=play_and_noise)
         middle = 0.5 * (ends.low + ends.high)

@@ -129,16 +129,16 @@ def zero(
     """
     from twin.rig import calibration as calibrations
     from twin.rig.wiring import find_ends
+    from twin.rig.wiring import zero as zeroed
 
     known = calibrations.read(rig)
+    if emulate is None and None in (low, high) and not sys.stdin.isatty():
+        raise InputError("the angles of the ends are not given; give --low and --high in degrees")
     with _rig(port or known.port, emulate, known.joint, seed) as (link, emulator):
         _ask(f"The {known.joint} will run slowly into both of its ends. Keep clear of it.", yes)
-        ends = find_ends(link, known, _speaker(as_json))
-        angles = [
-            _angle(given, name, counts, emulator)
-            for given, name, counts in ((low, "low", ends.low), (high, "high", ends.high))
-        ]
-        result = _zeroed(known, ends, angles[0], angles[1])
+        angles = {"low": low, "high": high}
+        ends = find_ends(link, known, _speaker(as_json), lambda end, counts: _angle(angles[end], end, counts, emulator))
+        result = zeroed(known, ends)
         calibrations.write(result, rig)
     note_result(rig)
     _say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig auto {known.joint} --rig {rig}")
@@ -303,17 +303,13 @@ def _first(
 def _emulated(link: "Link", joint: str, emulator: "Emulator | None") -> "Calibration":
     """The calibration of an emulated rig, found as on a real one."""
     from twin.rig.wiring import find_ends, find_wiring
+    from twin.rig.wiring import zero as zeroed
 
     assert emulator is not None
     wired = find_wiring(link, _first(link, joint, None, emulator.supply, None, emulator), lambda sentence: None)
-    ends = find_ends(link, wired, lambda sentence: None)
-    return _zeroed(wired, ends, *(_angle(None, "", counts, emulator) for counts in (ends.low, ends.high)))
-
-
-def _zeroed(known: "Calibration", ends: Any, low: float, high: float) -> "Calibration":
-    from twin.rig.wiring import zero as zeroed
-
-    return zeroed(known, ends, low, high)
+    return zeroed(
+        wired, find_ends(link, wired, lambda sentence: None, lambda _, counts: emulator.plant.angle_of(counts))
+    )
 
 
 def _angle(given: float | None, end: str, counts: float, emulator: "Emulator | None") -> float:
@@ -323,8 +319,6 @@ def _angle(given: float | None, end: str, counts: float, emulator: "Emulator | N
     if given is None and emulator is not None:
         return emulator.plant.angle_of(counts)
     if given is None:
-        if not sys.stdin.isatty():
-            raise InputError(f"the angle of the {end} end is not given; give --low and --high in degrees")
         given = typer.prompt(f"Angle at the end of {end} counts [deg]", type=float)
     return radians(given)
 

@@ -107,20 +107,31 @@ def _pulse(link: Link, calibration: Calibration, share: float) -> Recording:
 
 @dataclass(frozen=True)
 class Ends:
-    """Readings [counts] at the two ends, and the time [s] from the low one to the high one at `share` of the supply."""
+    """Readings [counts] and angles [rad] at the two ends, and the time [s] from the low one to the high one at `share`
+    of the supply."""
 
     low: float
     high: float
+    low_angle: float
+    high_angle: float
     seconds: float
     share: float
 
 
-def find_ends(link: Link, calibration: Calibration, say: Callable[[str], None]) -> Ends:
-    """Run slowly into both ends, then to the middle. Raises InputError where there is no way between them."""
+def find_ends(
+    link: Link, calibration: Calibration, say: Callable[[str], None], angle: Callable[[str, float], float]
+) -> Ends:
+    """Run slowly into both ends, then to the middle. Raises InputError where there is no way between them.
+
+    While the joint stands at an end, `angle` gets its name ("low" or "high") and its reading [counts], and gives its
+    angle [rad].
+    """
     low, _, _ = _run_to_end(link, calibration, -1)
     say(f"the low end reads {low:.0f} counts")
+    low_angle = angle("low", low)
     high, seconds, share = _run_to_end(link, calibration, 1)
     say(f"the high end reads {high:.0f} counts, {seconds:.1f} s later")
+    high_angle = angle("high", high)
     full = link.identity.full
     if high - low < NARROW * full:
         raise InputError(
@@ -128,7 +139,7 @@ def find_ends(link: Link, calibration: Calibration, say: Callable[[str], None]) 
             "blocked, or does the motor need more voltage?"
         )
     go_to_middle(link, calibration, low, high, seconds)
-    return Ends(low, high, seconds, share)
+    return Ends(low, high, low_angle, high_angle, seconds, share)
 
 
 def go_to_middle(link: Link, calibration: Calibration, low: float, high: float, seconds: float) -> None:
@@ -167,12 +178,13 @@ def _run_to_end(link: Link, calibration: Calibration, way: int) -> tuple[float, 
     return float(read_sensors(link).mean[calibration.channel]), max(recording.duration - STALL, TS), share
 
 
-def zero(calibration: Calibration, ends: Ends, low_angle: float, high_angle: float) -> Calibration:
-    """The calibration with angles [rad] of the two ends, and limits that follow from them.
+def zero(calibration: Calibration, ends: Ends) -> Calibration:
+    """The calibration with the two ends, and limits that follow from them.
 
     The soft limits lie beyond the ends, at which the joint then rests as at its limit. Raises InputError for one angle
     at both ends.
     """
+    low_angle, high_angle = ends.low_angle, ends.high_angle
     if not abs(high_angle - low_angle) > 1e-3:
         raise InputError(f"both ends have the angle {np.rad2deg(low_angle):.3g} deg; give the angle of each")
     slower = DRY * max(calibration.moves_up, calibration.moves_down)
