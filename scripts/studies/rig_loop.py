@@ -1,6 +1,7 @@
 """From a plugged-in rig to values: the loop of `qpal rig auto` on drawn hidden legs behind a noisy emulated cable.
 
-    python scripts/study.py rig_loop [--seeds 0:5] [--joints shoulder,thigh,shank] [--garbled 0.01] [--lost 0.001]
+    python scripts/study.py rig_loop [--seeds 0:5] [--joints shoulder,thigh,shank] [--ways designed,sweeps]
+        [--garbled 0.01] [--lost 0.001]
 
 Each seed is another leg with another wiring. The rig is wired, zeroed and goes round as the verb does; beside it
 stands the same rig with plain sweeps in place of designed experiments. Told are the rig time, the experiments, how many
@@ -100,12 +101,15 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
 
 
 STUDY = Study(
-    cases=lambda options: ((joint, seed, way) for seed in options.seeds for joint in options.joints for way in WAYS),
+    cases=lambda options: (
+        (joint, seed, way) for seed in options.seeds for joint in options.joints for way in options.ways
+    ),
     score=score,
     summary=summary,
     seeds="0:5",
     options={
         "--joints": {"type": words, "default": list(JOINTS)},
+        "--ways": {"type": words, "default": list(WAYS)},
         "--garbled": {"type": float, "default": 0.01},
         "--lost": {"type": float, "default": 0.001},
     },

@@ -189,9 +189,8 @@ def test_auto_comes_from_a_plugged_in_rig_to_values(capsys):
     assert len(summary["values"]) >= 5
     true = summary["truth"]
     for value in summary["values"]:
-        factor = 180.0 / np.pi if value["unit"].startswith("deg") else 1.0
         if value["determined"]:
-            assert value["value"] == pytest.approx(factor * true[value["name"]], rel=0.25, abs=0.6), value["name"]
+            assert value["value"] == pytest.approx(true[value["name"]], rel=0.25, abs=0.6), value["name"]
     files = {path.name for path in Path("o").iterdir()}
     assert {"summary.json", "report.html", "figures", "experiment-1.csv", "experiment-2.csv"} <= files
     assert (Path("o") / "figures" / "intervals.png").is_file()

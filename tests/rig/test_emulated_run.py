@@ -66,8 +66,8 @@ def test_lost_samples_are_marked_and_told_and_never_filled(rig, steps, tmp_path)
 
 
 def test_a_noisy_line_delays_the_beginning_and_never_the_levels(rig, steps):
-    """A fifth of the frames lost, each way: LEVELS are said again, and ARM begins anew."""
-    recording, log, _ = played(rig, steps(), garbled=0.1, lost=0.1)
+    """A tenth of the frames lost, each way: LEVELS are said again, and ARM begins anew."""
+    recording, log, _ = played(rig, steps(), garbled=0.05, lost=0.05)
     assert recording.reason == ""
     assert len(log.y) == 400
 
@@ -90,6 +90,21 @@ def test_slew_is_in_the_voltage_that_is_logged(rig):
     ramp = np.minimum(np.round(100.0 / 12.0 * 1023 * 1e-3) / 1023 * 12.0 * np.arange(1, 61), 6.0)  # each millisecond
     assert log.u[:3] == pytest.approx(ramp.reshape(3, 20).mean(axis=1), abs=0.02)
     assert log.u[4:20] == pytest.approx(6.0, abs=0.01)
+
+
+def test_rising_pulses_from_rest_are_no_stall_and_a_blocked_joint_is(rig):
+    """Pulses of 3.1 to 3.3 V leave the joint at rest, which starts at 3.7 V: 6 s under drive."""
+    pulses = np.repeat(np.ravel([(v, 0.0) for v in np.linspace(3.1, 3.3, 6)]), 50)
+    with rig(changes={"moves_up": 0.35, "moves_down": 0.3}) as (emulator, link, calibration):
+        assert emulator.truth(TS)["breakaway_up"] > 3.6
+        levels = check_input(Input(pulses, TS), calibration)
+        assert calibration.patience(levels, TS) == pytest.approx(6.0)
+        impatient = play(link, calibration.setup(1023), levels, TS)
+        assert impatient.fault == wire.STALL
+        assert impatient.duration == pytest.approx(2 * 3.0, abs=0.5)  # 3 s of drive, and the rests between
+        assert play(link, calibration.setup(1023, calibration.patience(levels, TS)), levels, TS).reason == ""
+        full = calibration.levels(np.repeat([12.0, -12.0], 50))
+        assert calibration.patience(full, TS) < 0.2
 
 
 def test_a_design_beyond_the_limits_is_refused_before_anything_moves(rig):

@@ -176,7 +176,7 @@ def run(
     with _rig(port or (known.port if known else None), emulate, joint, seed, speed) as (link, emulator):
         calibration = known or _emulated(link, joint, emulator)
         levels = check_input(given, calibration)
-        setup = calibration.setup(link.identity.full)
+        setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
         _ask(
             f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.",
             yes,

@@ -89,7 +89,8 @@ def figure(result: Campaign) -> Figure:
         rows = [(k, known[name]) for k, known in enumerate(after) if name in known]
         if rows:
             panels.append(_panel(name, rows, names, result))
-    return Figure(panels, columns=2, shared=False, height=0.8 + -(-len(panels) // 2) * (1.1 + 0.22 * len(names)))
+    height = 0.8 + -(-len(panels) // 2) * (1.1 + 0.22 * len(names))
+    return Figure(panels, columns=2, shared=False, height=height, legend="below")
 
 
 def _panel(name: str, rows: list[tuple[int, JointValue]], names: list[str], result: Campaign) -> Panel:

@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.files import versions
+from sysid.base.quantities import display_quantity
 from sysid.excitations import excitation
 from sysid.joint.design import TARGETS, Design, design
 from sysid.joint.posterior import fit_joint
@@ -19,6 +20,7 @@ from twin.rig.calibration import Calibration
 from twin.rig.link import Link
 from twin.rig.run import Input, check_input, log_of, play
 from twin.rig.wiring import go_to_middle
+from twin.studies.beyond import UNITS
 
 ASKED = tuple(name for names in TARGETS.values() for name in names)
 MOST = 3  # experiments
@@ -91,7 +93,7 @@ class Campaign:
             "not_determined": self.open,
             "rig_seconds": self.rig_seconds,
             "stopped": self.stopped or None,
-            "truth": None if self.truth is None else {name: self.truth[name] for name in ASKED},
+            "truth": None if self.truth is None else {name: _displayed_truth(name, self.truth[name]) for name in ASKED},
             "versions": versions(),
         }
 
@@ -134,7 +136,9 @@ def campaign(
         assert calibration.crossing is not None
         go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, 2.0 * calibration.crossing)
         levels = check_input(given, calibration)
-        recording = play(link, calibration.setup(link.identity.full), levels, given.Ts, share)
+        recording = play(
+            link, calibration.setup(link.identity.full, calibration.patience(levels, given.Ts)), levels, given.Ts, share
+        )
         log = log_of(recording, calibration, link, given.source)
         keep(number, log)
         done = replace(done, rig_seconds=link.rig_seconds)
@@ -181,6 +185,11 @@ def _shortened(plan: Design, seconds: float, largest: float) -> Input:
     parts = [plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)]
     what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
     return Input(np.clip(np.concatenate(parts), -largest, largest), plan.Ts, f"for {what}")
+
+
+def _displayed_truth(name: str, value: float) -> float:
+    """A hidden value in the unit in which `values` are told."""
+    return value * display_quantity(name, UNITS[name]).factor
 
 
 def _determines(value: JointValue | None) -> bool:

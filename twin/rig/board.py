@@ -4,16 +4,17 @@ It stands for `twin/rig/firmware` in front of a simulated plant, and follows doc
 """
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Protocol
 
 from twin.rig import wire
 
 TICK = 0.001  # [s] of the control loop
-EDGE, JUMP = 0.01, 0.015  # of a full reading: no working sensor reads there, no joint moves so far in a tick
+EDGE = 0.01  # of a full reading: no working sensor reads there
 STRIKE_TICKS, SUPPLY_TICKS = 8, 5
+PARTS = 4  # of the stall time, after each of which it is asked whether the joint moved
+COAST, DELAY = 125, 50  # ms: no joint of a leg keeps its speed for longer, and none heeds its drive later
 LEAST_SUPPLY = 0.6  # of that at ARM
-DRIVEN = 0.25  # of the limit of duty
 LONGEST_HOLD = 30_000  # ms of a period
 
 
@@ -39,57 +40,83 @@ class Plant(Protocol):
 
 
 @dataclass
-class _Joint:
-    """A joint in a run: what its faults are judged by. Directions are those in which counts rise."""
+class Joint:
+    """A joint in a run: its duty, and what its faults are judged by, as `firmware/safety.c` does it.
+
+    Places are in counts; directions are those in which counts rise. `smooth` and `slow` follow the reading with lags of
+    4 and 16 ms. `ahead` is the place furthest with the drive, less what the joint may coast against it at `pace`
+    [counts/ms] since the drive has turned. `parts` are its lowest and highest places in the last parts of the stall
+    time, and `spent` [ms / PARTS] is the time under drive in the present one.
+    """
 
     setup: wire.Setup
-    places: deque[float] = field(default_factory=lambda: deque(maxlen=STRIKE_TICKS + 1))
+    full: int
+    place: float
     duty: int = 0
     total: int = 0
-    way: int = 0
-    settled: bool = False
-    anchor: float = 0.0
-    best: float = 0.0
-    anchored: int = 0
+    drive: int = 0
     turned: int = 0
+    pace: float = 0.0
+    spent: int = 0
 
-    def next_duty(self, level: int, place: float) -> tuple[int, int]:
-        """The duty after limits and slew, and which soft limits cut it (1 low, 2 high)."""
+    def __post_init__(self) -> None:
+        self.past = deque([self.place] * STRIKE_TICKS, maxlen=STRIKE_TICKS)
+        self.smooth = self.slow = self.ahead = self.place
+        self.parts = deque([[self.place, self.place]], maxlen=PARTS)
+        self.quarter = self.setup.stall // 4 + 2 if self.setup.stall // 4 < COAST else COAST
+        self.delay = min(self.setup.stall // 60, DELAY)
+        self.jump = self.setup.strike / 250.0 + self.full / 64.0
+
+    def next_duty(self, level: int) -> int:
+        """Set the duty of the next millisecond; which soft limit cuts it (1 low, 2 high), or 0."""
         s = self.setup
         target = max(-s.duty, min(s.duty, level))
-        duty = self.duty + max(-s.slew, min(s.slew, target - self.duty))
-        cut = (place <= s.low and duty < 0) + 2 * (place >= s.high and duty > 0)
-        return (0 if cut else duty), cut
+        self.duty += max(-s.slew, min(s.slew, target - self.duty))
+        cut = 1 * (self.place <= s.low and self.duty < 0) + 2 * (self.place >= s.high and self.duty > 0)
+        if cut:
+            self.duty = 0
+        return cut
 
-    def fault(self, now: int, place: float, full: int) -> int:
-        """The number of a fault at tick `now`, 0 if there is none; to be called once in every tick."""
-        s, before = self.setup, self.places[-1] if self.places else place
-        self.places.append(place)
-        if not EDGE * full < place < (1.0 - EDGE) * full or abs(place - before) > max(s.strike * 0.004, JUMP * full):
+    def fault(self, place: float) -> int:
+        """The number of the fault that a new reading shows under the duty of the last millisecond, or 0."""
+        before, self.place = self.place, place
+        self.past.append(before)
+        self.smooth += (place - self.smooth) / 4.0
+        self.slow += (place - self.slow) / 16.0
+        if not EDGE * self.full < place < (1.0 - EDGE) * self.full or abs(place - before) > self.jump:
             return wire.NO_SENSOR
-        moved = place - self.places[0]
-        if len(self.places) > STRIKE_TICKS and abs(moved) > s.strike * STRIKE_TICKS * TICK:
+        if abs(place - self.past[0]) * 1000.0 / STRIKE_TICKS > self.setup.strike:
             return wire.STRIKE
-        way = (self.duty > 0) - (self.duty < 0) if abs(self.duty) >= DRIVEN * s.duty else 0
-        if way != self.way:
-            self.way, self.settled, self.turned = way, False, now
-            self._anchor(now, place)
-        if way == 0:
-            return 0
-        outward = place >= s.high - s.motion if way > 0 else place <= s.low + s.motion
-        if outward or abs(place - self.anchor) >= s.motion:
-            self.anchor, self.anchored = place, now
-        if now - self.anchored >= s.stall:
-            return wire.STALL
-        if not self.settled:
-            self.settled = way * moved >= 0.0 or now - self.turned >= s.stall
-            self.best = place
-        self.best = way * max(way * self.best, way * place)
-        return wire.DIRECTION if way * (self.best - place) >= s.motion else 0
+        drive = 0 if 4 * abs(self.duty) < self.setup.duty else 1 if self.duty > 0 else -1
+        self.turned += 1
+        if drive != self.drive:
+            self.drive, self.turned, self.ahead = drive, 0, self.smooth
+            self.pace = max((self.slow - self.smooth) * drive / 12.0, 0.0)  # a ramp is 3 ms ahead of one lag, 15 of two
+        if drive and self._goes_against():
+            return wire.DIRECTION
+        return wire.STALL if self._is_stuck() else 0
 
-    def _anchor(self, now: int, place: float) -> None:
-        self.anchor = self.best = place
-        self.anchored = now
+    def _goes_against(self) -> bool:
+        self.ahead -= self.pace * self.drive
+        if self.turned >= self.delay:
+            self.pace = max(self.pace * (1.0 - 1.0 / self.quarter) - 1.0 / 256.0, 0.0)
+        if (self.smooth - self.ahead) * self.drive > 0.0:
+            self.ahead = self.smooth
+        return (self.ahead - self.smooth) * self.drive >= self.setup.motion
+
+    def _is_stuck(self) -> bool:
+        s, part = self.setup, self.parts[-1]
+        part[0], part[1] = min(part[0], self.smooth), max(part[1], self.smooth)
+        at_limit = self.place + s.motion >= s.high if self.drive > 0 else self.place - s.motion <= s.low
+        if self.drive and not at_limit:
+            self.spent += 1 if self.turned < self.quarter else PARTS
+        if self.spent < s.stall:
+            return False
+        lowest, highest = min(low for low, _ in self.parts), max(high for _, high in self.parts)
+        is_whole = len(self.parts) == PARTS
+        self.parts.append([self.smooth, self.smooth])
+        self.spent = 0
+        return is_whole and highest - lowest < s.motion
 
 
 class Board:
@@ -106,7 +133,7 @@ class Board:
         self._setups: dict[int, wire.Setup] = {}
         self._forget()
         self._arm: wire.Arm | None = None
-        self._joints: dict[int, _Joint] = {}
+        self._joints: dict[int, Joint] = {}
 
     # What the host says.
 
@@ -195,7 +222,7 @@ class Board:
     def _start(self) -> int:
         if self.state != wire.ARMED:
             return wire.STATE
-        self._joints = {j: _Joint(self._setups[j]) for j in self.used}
+        self._joints = {j: Joint(self._setups[j], self.plant.full, self.plant.position(j)) for j in self.used}
         self.state, self._ticks, self._low_supply, self._cuts = wire.RUNNING, 0, 0, 0
         return 0
 
@@ -223,14 +250,11 @@ class Board:
             self._bus = self.plant.supply()
         duties = [0.0] * wire.JOINTS
         for level, (j, joint) in zip(self._levels[self._played - 1], self._joints.items(), strict=True):
-            place = self.plant.position(j)
-            joint.total = joint.total if within else 0
-            joint.duty, cut = joint.next_duty(level, place)
-            joint.total += joint.duty
-            self._cuts |= cut << 2 * j
-            if reason := joint.fault(self._ticks, place, self.plant.full):
+            if reason := joint.fault(self.plant.position(j)):
                 self.fail(reason, j)
                 return
+            self._cuts |= joint.next_duty(level) << 2 * j
+            joint.total = joint.duty + (joint.total if within else 0)
             duties[j] = -joint.duty if joint.setup.flags & wire.REVERSED else joint.duty
         self._low_supply = self._low_supply + 1 if self.plant.supply() < LEAST_SUPPLY * self._supply else 0
         if self._low_supply >= SUPPLY_TICKS:

@@ -1,6 +1,7 @@
 """What a rig is: its port, how a joint is wired to it, counts to angles, and limits. A small TOML file in SI units."""
 
 import tomllib
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from sysid.base.files import check_regular_file, write_text
 from twin.rig import wire
 
 DEFAULT = "rig.toml"
+SURE = 1.2  # times the share that moved a joint: beyond it the joint moves
 _COMMENTS = {
     "port": "serial port",
     "joint": "name of the joint in logs",
@@ -106,8 +108,25 @@ class Calibration(BaseModel):
         """The voltages (N,) of duties as they were played."""
         return np.sign(self.scale) * np.asarray(duty) / wire.FULL * self.supply
 
-    def setup(self, full: int) -> wire.Setup:
-        """The limits as the firmware takes them, for a converter with a reading of up to `full` counts."""
+    def patience(self, levels: np.ndarray, Ts: float) -> float:
+        """The longest time [s] under drive for which levels (N,) [duty] may not move the joint by the least motion.
+
+        The firmware adds up the time of a drive, and rising pulses from rest and small reversals are meant to move it
+        little. How fast it goes is guessed from its crossing, with friction as high as the share that moved it when it
+        was wired.
+        """
+        if self.crossing is None or self.low_angle is None or self.high_angle is None:
+            return 0.0
+        dry = np.minimum(SURE * np.where(levels > 0, self.moves_up, self.moves_down), 0.95)
+        share = np.maximum(np.abs(levels) / wire.FULL - dry, 0.0) / (1.0 - dry)
+        places = np.cumsum(np.sign(levels) * share) * Ts * abs(self.high_angle - self.low_angle) / self.crossing
+        return longest_within(places, levels != 0, self.motion) * Ts
+
+    def setup(self, full: int, patience: float = 0.0) -> wire.Setup:
+        """The limits as the firmware takes them, for a converter with a reading of up to `full` counts.
+
+        `patience` [s] is added to the stall time.
+        """
         if self.soft_low is None or self.soft_high is None:
             raise self._not_zeroed()
         low, high = sorted(self.counts(angle) for angle in (self.soft_low, self.soft_high))
@@ -119,7 +138,7 @@ class Calibration(BaseModel):
             _whole(self.strike / scale),
             _whole(self.largest / self.supply * wire.FULL),
             _whole(self.slew / self.supply * wire.FULL * 1e-3, 2 * wire.FULL),
-            _whole(self.stall * 1e3),
+            _whole((self.stall + patience) * 1e3),
             _whole(self.motion / scale),
             wire.USED + wire.REVERSED * self.motor_reversed,
         )
@@ -147,6 +166,26 @@ class Calibration(BaseModel):
 
     def _not_zeroed(self) -> InputError:
         return InputError(f"the ends of the {self.joint} have no angles yet; run qpal rig zero first")
+
+
+def longest_within(places: np.ndarray, counted: np.ndarray, width: float) -> int:
+    """The most samples that are `counted` (N,) in a stretch in which `places` (N,) stay within less than `width`."""
+    lows, highs = deque[int](), deque[int]()  # numbers of samples whose places rise, and fall: the first is the extreme
+    total, first, longest = np.concatenate([[0], np.cumsum(counted)]), 0, 0
+    for k, place in enumerate(places):
+        while lows and places[lows[-1]] >= place:
+            lows.pop()
+        while highs and places[highs[-1]] <= place:
+            highs.pop()
+        lows.append(k)
+        highs.append(k)
+        while places[highs[0]] - places[lows[0]] >= width:
+            first += 1
+            for ends in (lows, highs):
+                if ends[0] < first:
+                    ends.popleft()
+        longest = max(longest, int(total[k + 1] - total[first]))
+    return longest
 
 
 def of_joint(port: str, joint: str, channel: int, supply: float, largest: float, linearity: float) -> Calibration:

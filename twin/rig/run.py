@@ -23,7 +23,7 @@ MOST = 2**16 - 1  # samples of a run
 SHORTEST = 10
 QUICKEST = 0.005  # [s] of a sample: SAMPLE takes 2 ms on the line, and LEVELS go the other way meanwhile
 SILENCE = 1.0  # [s] without a frame in a run
-ATTEMPTS = 5  # to begin a run, which two frames that are not repeated do
+ATTEMPTS = 10  # to begin a run, which two frames that are not repeated do
 FRAME = (wire.PAYLOAD - 3) // 2  # levels of one joint in a frame
 
 
@@ -138,12 +138,12 @@ class _Player:
             while self.sent < min(N, wire.RING):
                 _done(self._send_levels(min(N, wire.RING) - self.sent), "levels")
             # ARM and START are never said twice: where an answer is lost, all begins anew from STOP.
-            reason = link.ask(wire.Arm(round(self.Ts / wire.HALF_MS), N, 1), repeat=False, seconds=0.3)
+            reason = link.ask(wire.Arm(round(self.Ts / wire.HALF_MS), N, 1), repeat=False, seconds=0.5)
             if reason is None:
                 continue
             _done(reason, "ARM")
             link.forget()
-            reason = link.ask(wire.Start(), repeat=False, seconds=0.3)
+            reason = link.ask(wire.Start(), repeat=False, seconds=0.5)
             if reason is None and not self._runs():
                 continue
             _done(reason or 0, "START")
