@@ -149,7 +149,8 @@ KINDS: dict[str, Kind] = {
     "noise on the line": Kind(_noise, Watch.at_once, (wire.LINK_LOST, wire.NOISY)),
     "sensor stuck": Kind(_stick, Watch.stall, (wire.STALL,)),
     "sensor unplugged": Kind(_unplug, Watch.at_once, (wire.NO_SENSOR,)),
-    "motor reversed": Kind(_reverse, Watch.against, (wire.DIRECTION,)),
+    # A joint that rests in its end, which it is driven out of, is pushed into it and does not move: that is a stall.
+    "motor reversed": Kind(_reverse, Watch.against, (wire.DIRECTION, wire.STALL)),
     "motor reversed from the start": Kind(_reverse, Watch.against, (wire.DIRECTION,), before=True),
     "supply lost": Kind(_unpower, Watch.supply, (wire.SUPPLY_LOST,)),
     "stop key": Kind(_press, Watch.at_once, (wire.STOPPED,)),
