@@ -10,6 +10,7 @@ import pytest
 from twin.rig import wire
 from twin.rig.avr import FIRMWARE
 from twin.rig.board import Board, Joint
+from twin.rig.calibration import longest_within
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed; install Debian's gcc")
 FULL = 4092
@@ -137,6 +138,14 @@ def test_random_courses_are_judged_alike(rules):
         assert mine[:n] == played[:n]
         reasons.append(reason)
     assert {0, wire.STALL, wire.DIRECTION} <= set(reasons)
+
+
+def test_the_longest_time_within_a_width_is_that_of_every_stretch_tried():
+    rng = np.random.default_rng(2)
+    for _ in range(30):
+        places, counted = np.cumsum(rng.normal(size=40)), rng.random(40) < 0.7
+        tried = [counted[i:j].sum() for i in range(40) for j in range(i + 1, 41) if np.ptp(places[i:j]) < 2.0]
+        assert longest_within(places, counted, 2.0) == max(tried)
 
 
 class Still:
