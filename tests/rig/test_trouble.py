@@ -197,6 +197,21 @@ def test_a_motor_without_wires_is_told(rig):
         find_wiring(link, calibration.model_copy(update={"channel": 2}), lambda sentence: None)
 
 
+def test_ctrl_c_ends_a_wire_check_and_not_only_its_pulse(rig, monkeypatch):
+    with rig() as (emulator, link, calibration):
+        real, calls = link.receive, iter(range(10_000))
+
+        def receive():
+            if emulator.board.state == wire.RUNNING and next(calls) == 2:
+                raise KeyboardInterrupt
+            return real()
+
+        monkeypatch.setattr(link, "receive", receive)
+        with pytest.raises(KeyboardInterrupt):
+            find_wiring(link, calibration, lambda sentence: None)
+        assert wait_for(lambda: not driven(emulator))
+
+
 @pytest.mark.parametrize(("signs", "reversed_motor"), [((1, 1), False), ((-1, 1), True), ((-1, -1), False)])
 def test_wiring_and_ends_are_found(rig, signs, reversed_motor):
     with rig(signs=signs) as (emulator, link, known):

@@ -1,28 +1,34 @@
 """`qpal rig`: a real joint on a cable, or the twin in its place."""
 
-import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sysid.base.errors import InputError, unknown
+from sysid.base.errors import InputError
 from twin.cli import console, options
+from twin.cli.cable import (
+    EMULATED,
+    angle_of_end,
+    ask,
+    check_new_file,
+    emulated_calibration,
+    first_calibration,
+    known_calibration,
+    rig_on,
+    room_for,
+)
 from twin.cli.options import Verb
 from twin.cli.output import check_writable_file, run_folder
 from twin.cli.results import note_result
+from twin.cli.stopping import hold_requests
 from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
-    from twin.rig.calibration import Calibration
-    from twin.rig.emulator import Emulator
-    from twin.rig.link import Link
     from twin.rig.run import Recording
 
-EMULATED = ("twin",)
 FILE = "rig.toml"  # `twin.rig.calibration.DEFAULT`, whose import would slow the help text down
 LINE = 120  # [bytes] a row of a log takes at the most
 
@@ -72,7 +78,7 @@ def find(
         sentences = [f"{name}: {text}" for name, text in found] or ["no serial port; connect the board's USB cable"]
         _say({"ports": [{"port": name, "description": text} for name, text in found]}, as_json, *sentences)
         return
-    with _rig(port, emulate, JOINTS[1], seed) as (link, _):
+    with rig_on(port, emulate, JOINTS[1], seed) as (link, _):
         who = link.identity
         summary = {"port": link.port, "firmware": f"{who.name} {who.firmware}", "joints": who.joints, "full": who.full}
         _say(summary, as_json, f"{link.port}: {who.name} {who.firmware}, {who.joints} joints, readings to {who.full}")
@@ -101,10 +107,10 @@ def wire(
     from twin.rig import calibration as calibrations
     from twin.rig.wiring import find_wiring
 
-    _check_new(rig)
-    with _rig(port, emulate, joint, seed) as (link, emulator):
-        start = _first(link, joint, channel, supply, largest, emulator)
-        _ask(f"The {joint} will move a little, both ways. Keep clear of it.", yes)
+    check_new_file(rig)
+    with rig_on(port, emulate, joint, seed) as (link, emulator):
+        start = first_calibration(link, joint, channel, supply, largest, emulator)
+        ask(f"The {joint} will move a little, both ways. Keep clear of it.", yes)
         result = find_wiring(link, start, _speaker(as_json))
         calibrations.write(result, rig)
     note_result(rig)
@@ -134,10 +140,12 @@ def zero(
     known = calibrations.read(rig)
     if emulate is None and None in (low, high) and not sys.stdin.isatty():
         raise InputError("the angles of the ends are not given; give --low and --high in degrees")
-    with _rig(port or known.port, emulate, known.joint, seed) as (link, emulator):
-        _ask(f"The {known.joint} will run slowly into both of its ends. Keep clear of it.", yes)
+    with rig_on(port or known.port, emulate, known.joint, seed) as (link, emulator):
+        ask(f"The {known.joint} will run slowly into both of its ends. Keep clear of it.", yes)
         angles = {"low": low, "high": high}
-        ends = find_ends(link, known, _speaker(as_json), lambda end, counts: _angle(angles[end], end, counts, emulator))
+        ends = find_ends(
+            link, known, _speaker(as_json), lambda end, counts: angle_of_end(angles[end], end, counts, emulator)
+        )
         result = zeroed(known, ends)
         calibrations.write(result, rig)
     note_result(rig)
@@ -169,28 +177,29 @@ def run(
     given = read_input(design)
     check_written(Path(log))
     check_writable_file(Path(log))
-    known = _known(rig, emulate)
+    known = known_calibration(rig, emulate)
     joint = joint if known is None else known.joint
     if known is not None:
         check_input(given, known)
-    with _rig(port or (known.port if known else None), emulate, joint, seed, speed) as (link, emulator):
-        calibration = known or _emulated(link, joint, emulator)
+    with rig_on(port or (known.port if known else None), emulate, joint, seed, speed) as (link, emulator):
+        calibration = known or emulated_calibration(link, joint, emulator)
         levels = check_input(given, calibration)
         setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
-        _ask(
+        ask(
             f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.",
             yes,
         )
         with (
-            _room(Path(log), LINE * len(levels)),
+            room_for(Path(log), LINE * len(levels)),
             console.progress(1, lines=not as_json, known=True) as step,
         ):
             step(f"playing {design}")
             recording = play(link, setup, levels, given.Ts, lambda share: step.part(share, f"playing {design}"))
         result = log_of(recording, calibration, link, design)
         if len(recording.counts):
-            result.save(log)
-            note_result(log)
+            with hold_requests():
+                result.save(log)
+                note_result(log)
     _end(recording, result.meta, log, as_json)
 
 
@@ -219,19 +228,19 @@ def auto(
 
     if experiments < 1 or not 0.0 < budget < 1e6:
         raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
-    known = _known(rig, emulate)
+    known = known_calibration(rig, emulate)
     if known is not None and known.joint != joint:
         raise InputError(
             f"{rig} is of the {known.joint}, not the {joint}; give another --rig, or wire this joint first"
         )
     with (
         run_folder(out, "rig") as (folder, scratch),
-        _rig(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
+        rig_on(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
     ):
-        _ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
+        ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
         with console.progress(1 + 3 * experiments, lines=not as_json) as step:
             step("wiring and ends" if known is None else "first experiment")
-            calibration = known or _emulated(link, joint, emulator)
+            calibration = known or emulated_calibration(link, joint, emulator)
             result = campaign(
                 link,
                 calibration,
@@ -253,112 +262,6 @@ def auto(
 
 
 VERBS: dict[str, Callable[..., None]] = {"find": find, "wire": wire, "zero": zero, "run": run, "auto": auto}
-
-
-@contextmanager
-def _rig(
-    port: str | None, emulate: str | None, joint: str, seed: int, speed: float | None = None
-) -> "Iterator[tuple[Link, Emulator | None]]":
-    """The line to a rig, and the rig itself where it is emulated."""
-    from twin.rig.link import Link
-
-    if emulate is None:
-        if port is None:
-            raise InputError("no port is given; see qpal rig find, then give --port, or --emulate twin without a rig")
-        with Link(port) as link:
-            yield link, None
-        return
-    if emulate not in EMULATED:
-        raise unknown("emulated rig", emulate, EMULATED)
-    if speed is not None and not 0.0 < speed < 1e6:
-        raise InputError(f"--speed is {speed:g}; give a positive number, or leave it out")
-    from twin.rig.emulator import Emulator
-
-    with Emulator(joint, options.seed(seed), speed=speed) as emulator, Link(emulator.port) as link:
-        yield link, emulator
-
-
-def _known(rig: str, emulate: str | None) -> "Calibration | None":
-    """The calibration in the file; None for an emulated rig without one, which is then wired and zeroed first."""
-    from twin.rig import calibration as calibrations
-
-    if emulate is not None and not Path(rig).exists():
-        return None
-    return calibrations.read(rig)
-
-
-def _first(
-    link: "Link", joint: str, channel: int | None, supply: float, largest: float | None, emulator: "Emulator | None"
-) -> "Calibration":
-    """What is known of a joint before its wiring is found."""
-    from twin.rig.calibration import of_joint
-
-    if joint not in JOINTS:
-        raise unknown("joint", joint, JOINTS)
-    number = JOINTS.index(joint) if channel is None else channel
-    linearity = 0.0 if emulator is None else emulator.linearity
-    return of_joint(link.port, joint, number, supply, supply if largest is None else largest, linearity)
-
-
-def _emulated(link: "Link", joint: str, emulator: "Emulator | None") -> "Calibration":
-    """The calibration of an emulated rig, found as on a real one."""
-    from twin.rig.wiring import find_ends, find_wiring
-    from twin.rig.wiring import zero as zeroed
-
-    assert emulator is not None
-    wired = find_wiring(link, _first(link, joint, None, emulator.supply, None, emulator), lambda sentence: None)
-    return zeroed(
-        wired, find_ends(link, wired, lambda sentence: None, lambda _, counts: emulator.plant.angle_of(counts))
-    )
-
-
-def _angle(given: float | None, end: str, counts: float, emulator: "Emulator | None") -> float:
-    """The angle [rad] of an end: given in degrees, known to an emulated rig, or asked for."""
-    from math import radians
-
-    if given is None and emulator is not None:
-        return emulator.plant.angle_of(counts)
-    if given is None:
-        given = typer.prompt(f"Angle at the end of {end} counts [deg]", type=float)
-    return radians(given)
-
-
-def _ask(sentence: str, yes: bool) -> None:
-    """Ask before something moves. Raises InputError for no, and where nobody can be asked."""
-    if yes:
-        return
-    if not sys.stdin.isatty():
-        raise InputError(f"{sentence} To confirm where nobody can be asked, give --yes")
-    if not typer.confirm(f"{sentence} Go on?"):
-        raise InputError("nothing was moved")
-
-
-def _check_new(path: str) -> None:
-    """Raises InputError before the work where the calibration cannot be written."""
-    if Path(path).suffix != ".toml":
-        raise InputError(f"--rig is {path}; a calibration is a TOML file: end its name in .toml")
-    check_writable_file(Path(path))
-
-
-@contextmanager
-def _room(path: Path, size: int) -> Iterator[None]:
-    """Room on the disk for a file of `size` bytes beside `path`, held while the rig moves."""
-    from sysid.base.locks import temporary_name
-
-    held = temporary_name(path)
-    try:
-        with held.open("wb") as file:
-            if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, size)
-    except OSError as error:
-        held.unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: no room for the log of about {size / 1e6:.1f} MB ({error.strerror}); nothing was moved"
-        ) from None
-    try:
-        yield
-    finally:
-        held.unlink(missing_ok=True)
 
 
 def _end(recording: "Recording", meta: Any, log: str, as_json: bool) -> None:

@@ -102,7 +102,18 @@ def _pulse(link: Link, calibration: Calibration, share: float) -> Recording:
     setup = raw.raw_setup(link.identity.full, abs(share), stall=10.0, motion=0.25)
     n = round(PULSE / TS)
     levels = np.r_[np.full(n, round(share * wire.FULL)), np.zeros(n, dtype=int)]
-    return play(link, setup, levels, TS)
+    return _move(link, setup, levels)
+
+
+def _move(link: Link, setup: wire.Setup, levels: np.ndarray) -> Recording:
+    """Play levels of which no log is kept. Raises KeyboardInterrupt after Ctrl-C, and InputError where the rig is gone;
+    a fault is in the recording."""
+    recording = play(link, setup, levels, TS)
+    if recording.interrupted:
+        raise KeyboardInterrupt
+    if recording.reason and not recording.fault:
+        raise InputError(f"{recording.reason}; the drive is off")
+    return recording
 
 
 @dataclass(frozen=True)
@@ -153,7 +164,7 @@ def go_to_middle(link: Link, calibration: Calibration, low: float, high: float, 
         n = max(round(abs(off) * seconds / TS), 5)
         levels = np.full(n + 5, way * round(_share(calibration, way) * wire.FULL))
         levels[n:] = 0
-        play(link, _open_setup(link, calibration), levels, TS)
+        _move(link, _open_setup(link, calibration), levels)
 
 
 def _share(calibration: Calibration, way: int) -> float:
@@ -169,9 +180,7 @@ def _run_to_end(link: Link, calibration: Calibration, way: int) -> tuple[float, 
     """Reading [counts] where the joint stands in the end, the time [s] until there, and the share of the supply."""
     share = _share(calibration, way)
     levels = np.full(round(LONGEST / TS), way * round(share * wire.FULL))
-    recording = play(link, _open_setup(link, calibration), levels, TS)
-    if recording.interrupted:
-        raise KeyboardInterrupt
+    recording = _move(link, _open_setup(link, calibration), levels)
     if recording.fault != wire.STALL:
         what = recording.reason or f"it still moves after {LONGEST:g} s"
         raise InputError(f"the run to the {'high' if way > 0 else 'low'} end found none: {what}")

@@ -1,0 +1,129 @@
+"""What the verbs of `qpal rig` share: the line to a rig, its calibration, questions before it moves, room for a log."""
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import radians
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from sysid.base.errors import InputError, unknown
+from twin.cli import options
+from twin.cli.output import check_writable_file
+from twin.parameters import JOINTS
+
+if TYPE_CHECKING:
+    from twin.rig.calibration import Calibration
+    from twin.rig.emulator import Emulator
+    from twin.rig.link import Link
+
+EMULATED = ("twin",)
+
+
+@contextmanager
+def rig_on(
+    port: str | None, emulate: str | None, joint: str, seed: int, speed: float | None = None
+) -> "Iterator[tuple[Link, Emulator | None]]":
+    """The line to a rig, and the rig itself where it is emulated."""
+    from twin.rig.link import Link
+
+    if emulate is None:
+        if port is None:
+            raise InputError("no port is given; see qpal rig find, then give --port, or --emulate twin without a rig")
+        with Link(port) as link:
+            yield link, None
+        return
+    if emulate not in EMULATED:
+        raise unknown("emulated rig", emulate, EMULATED)
+    if speed is not None and not 0.0 < speed < 1e6:
+        raise InputError(f"--speed is {speed:g}; give a positive number, or leave it out")
+    from twin.rig.emulator import Emulator
+
+    with Emulator(joint, options.seed(seed), speed=speed) as emulator, Link(emulator.port) as link:
+        yield link, emulator
+
+
+def known_calibration(rig: str, emulate: str | None) -> "Calibration | None":
+    """The calibration in the file; None for an emulated rig without one, which is then wired and zeroed first."""
+    from twin.rig import calibration as calibrations
+
+    if emulate is not None and not Path(rig).exists():
+        return None
+    return calibrations.read(rig)
+
+
+def first_calibration(
+    link: "Link", joint: str, channel: int | None, supply: float, largest: float | None, emulator: "Emulator | None"
+) -> "Calibration":
+    """What is known of a joint before its wiring is found."""
+    from twin.rig.calibration import of_joint
+
+    if joint not in JOINTS:
+        raise unknown("joint", joint, JOINTS)
+    number = JOINTS.index(joint) if channel is None else channel
+    linearity = 0.0 if emulator is None else emulator.linearity
+    return of_joint(link.port, joint, number, supply, supply if largest is None else largest, linearity)
+
+
+def emulated_calibration(link: "Link", joint: str, emulator: "Emulator | None") -> "Calibration":
+    """The calibration of an emulated rig, found as on a real one."""
+    from twin.rig.wiring import find_ends, find_wiring
+    from twin.rig.wiring import zero as zeroed
+
+    assert emulator is not None
+    wired = find_wiring(
+        link, first_calibration(link, joint, None, emulator.supply, None, emulator), lambda sentence: None
+    )
+    return zeroed(
+        wired, find_ends(link, wired, lambda sentence: None, lambda _, counts: emulator.plant.angle_of(counts))
+    )
+
+
+def angle_of_end(given: float | None, end: str, counts: float, emulator: "Emulator | None") -> float:
+    """The angle [rad] of an end: given in degrees, known to an emulated rig, or asked for."""
+    if given is None and emulator is not None:
+        return emulator.plant.angle_of(counts)
+    if given is None:
+        given = typer.prompt(f"Angle at the end of {end} counts [deg]", type=float)
+    return radians(given)
+
+
+def ask(sentence: str, yes: bool) -> None:
+    """Ask before something moves. Raises InputError for no, and where nobody can be asked."""
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise InputError(f"{sentence} To confirm where nobody can be asked, give --yes")
+    if not typer.confirm(f"{sentence} Go on?"):
+        raise InputError("nothing was moved")
+
+
+def check_new_file(path: str) -> None:
+    """Raises InputError before the work where the calibration cannot be written."""
+    if Path(path).suffix != ".toml":
+        raise InputError(f"--rig is {path}; a calibration is a TOML file: end its name in .toml")
+    check_writable_file(Path(path))
+
+
+@contextmanager
+def room_for(path: Path, size: int) -> Iterator[None]:
+    """Room on the disk for a file of `size` bytes beside `path`, held while the rig moves."""
+    from sysid.base.locks import temporary_name
+
+    held = temporary_name(path)
+    try:
+        with held.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        held.unlink(missing_ok=True)
+        raise InputError(
+            f"{path}: no room for the log of about {size / 1e6:.1f} MB ({error.strerror}); nothing was moved"
+        ) from None
+    try:
+        yield
+    finally:
+        held.unlink(missing_ok=True)
