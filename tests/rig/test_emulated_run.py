@@ -59,10 +59,11 @@ def test_lost_samples_are_marked_and_told_and_never_filled(rig, steps, tmp_path)
     assert np.flatnonzero(~log.io().observed[:, 0]).tolist() == lost.tolist()
     read = read_record(log.save(tmp_path / "log.csv"), missing="mark").data
     assert np.flatnonzero(~read.observed[:, 0]).tolist() == lost.tolist()
-    again = twin.Log.load(tmp_path / "log.csv")
-    assert again.meta["filled"] == lost.tolist()
-    assert again.meta["rig"] == log.meta["rig"]
-    assert again.joint == "shoulder"
+    for suffix in (".csv", ".parquet", ".mat"):
+        again = twin.Log.load(log.save(tmp_path / f"log{suffix}"))
+        assert again.meta["filled"] == lost.tolist()
+        assert again.meta["rig"] == log.meta["rig"]
+        assert again.joint == "shoulder"
 
 
 def test_a_noisy_line_delays_the_beginning_and_never_the_levels(rig, steps):
