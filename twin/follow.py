@@ -1,6 +1,7 @@
 """The twin driven with the input of a log, from the state in which the log begins."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -89,14 +90,29 @@ class Follower:
             raise InputError("no parameters are given; give those of one run or more")
         starts = np.full(runs, self.y[0]) if starts is None else np.asarray(starts, dtype=float)
         _check_each("starts", starts, runs, "parameters")
-        commands = self._commands()
-        experiments = [self._experiment(p, len(commands)) for p in parameters]
+        experiments = [self._experiment(p, self._steps) for p in parameters]
         places = [
-            {self.joint: float(np.clip(start, *end_angles(p, self.joint)))}
-            for p, start in zip(parameters, starts, strict=True)
+            float(np.clip(start, *end_angles(p, self.joint))) for p, start in zip(parameters, starts, strict=True)
         ]
-        outputs, _ = attempt(prepare_runs(experiments, commands, places), TIMESTEP, SETTLE, self.threads)
-        return outputs[:, :, 0, slots.READING]
+        with ThreadPoolExecutor(max(self.threads, 1)) as pool:
+            courses = list(pool.map(self._course, experiments, places))
+        others = [k for k, course in enumerate(courses) if course is None]
+        if others:
+            angles = [{self.joint: places[k]} for k in others]
+            prepared = prepare_runs([experiments[k] for k in others], self.commands[:, None], angles)
+            outputs, _ = attempt(prepared, TIMESTEP, SETTLE, self.threads)
+            for k, output in zip(others, outputs, strict=True):
+                courses[k] = output[:, 0, slots.READING]
+        return np.stack([course for course in courses if course is not None])
+
+    def _course(self, e: Experiment, start: float) -> np.ndarray | None:
+        """The readings (steps,) of one run; None where only MuJoCo knows them: closed loops and contacts."""
+        if e.realisation != "tendon":
+            return None
+        from twin.plant.mechanics import course  # compiled code, loaded by those who step
+
+        servo, on_link = e.mode == "servo", e.pot_side == "link"
+        return course(e.p, e.joint, e.without, self.commands, start, SETTLE, servo, on_link, e.seed)
 
     @checked(late=True)
     def sample_course(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:

@@ -21,7 +21,8 @@ def made(joint, Ts=0.1, duration=12.0, **settings):
 def test_own_log_comes_back(joint):
     log = made(joint)
     (back,) = twin.Follower(log, joint).readings([twin.Parameters()], [middle(twin.Parameters(), joint)])
-    np.testing.assert_allclose(back, log.y_true, rtol=0, atol=1e-12)
+    # The log is MuJoCo's, whose solver stops at a tolerance; the follower has the equations of one joint.
+    np.testing.assert_allclose(back, log.y_true, rtol=0, atol=1e-8)
 
 
 def test_own_servo_log_comes_back():

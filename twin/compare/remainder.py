@@ -57,14 +57,18 @@ def remainder(trials: Trials, search: Search, y: np.ndarray) -> Remainder:
     # The variance of the noise comes from second differences, of three readings each, in half of the record.
     loud = f_distribution.sf(np.mean(e**2) / noise, len(e), len(e) / 6.0) < _CHANCE if noise > 0.0 else left > 0.0
     white = residual_tests(e, trials.follower.u, _LAGS).white and not loud
-    splits = _splits(y, trials.follower.u, trials.follower.log.Ts)
+    splits = _splits(J[:, 0], trials.follower.u, trials.follower.log.Ts)
     limit = _CHANCE / len(splits)
     uneven = tuple(name for name, part in splits.items() if _disagree(columns, e, part, limit))
     return Remainder(left, white, uneven)
 
 
 def _splits(y: np.ndarray, u: np.ndarray, Ts: float) -> Mapping[str, np.ndarray]:
-    """Samples (N,) of one part, by what tells it from the other."""
+    """Samples (N,) of one part, by what tells it from the other.
+
+    y (N,) is the response and not the log, of which the noise would choose the part: where a joint rests at the median,
+    what reads high would stand against what reads low.
+    """
     speed, level = speed_of(y, Ts)[0], np.abs(u)
     return {
         "earlier and later": np.arange(len(y)) < len(y) // 2,

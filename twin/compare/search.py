@@ -76,11 +76,10 @@ class Trials:
         return slope * self.follower.sample_course(course, delay) + zero
 
 
-ROUNDS = 6
+ROUNDS = 10
 _DAMPED = (0.1, 10.0)  # times the current damping: tried together
 _LARGEST, _SMALLEST = 0.5, 0.05  # step of a finite difference, in typical changes of a knob
 _ENOUGH = 1.0  # a search ends when N times the relative fall of the cost is below this
-_BEHIND = (4.0, 2.0, 1.3)  # after each round a search ends if its cost is so many times the least: it names no effect
 _SETTLED = 1.15  # times the noise: a search that ends below this has found what there is
 
 
@@ -130,9 +129,9 @@ def best_of(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: i
 
 
 def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: int) -> None:
-    """Move all searches by up to `rounds` damped steps; those that fall behind the best one end."""
+    """Move all searches by up to `rounds` damped steps."""
     start = None
-    for index in range(rounds):
+    for _ in range(rounds):
         active = [search for search in searches if not search.done]
         if not active:
             return
@@ -145,9 +144,6 @@ def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: 
             step_costs, costs = costs[: len(steps)], costs[len(steps) :]
             step_costs = step_costs + [_surprise(trials, search, state) / len(y) for _, state in steps]
             _move(trials, search, steps, step_costs, len(y))
-        limit = _BEHIND[min(index, len(_BEHIND) - 1)] * min(search.cost for search in searches)
-        for search in active:
-            search.done = search.done or search.cost > limit
 
 
 def restart(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:

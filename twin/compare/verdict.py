@@ -99,7 +99,7 @@ def explain(
     tell("each effect alone")
     fit_all(trials, [base, *singles], y)
     singles.sort(key=lambda search: _score(search, len(y)))
-    restart(trials, singles[:2], y, noise_of(y) ** 2)
+    restart(trials, singles, y, noise_of(y) ** 2)
     singles.sort(key=lambda search: _score(search, len(y)))
     noise = min(noise_of(y) ** 2, base.cost, *(search.cost for search in singles))
     winner = _better_than_chance(base, singles, len(y))

@@ -1,7 +1,7 @@
 """An actuator as numbers: the motor with its gear, the dry friction, and the drive that feeds it.
 
-The drive is supply, H-bridge, limit switches and the driver's own position loop, which `twin.plant.kernels` runs within
-the simulation.
+The drive is supply, H-bridge, limit switches and the driver's own position loop, which `twin.plant.electronics` runs
+within the simulation.
 """
 
 from collections.abc import Collection

@@ -4,7 +4,7 @@
 
 A class declares its parameter rows, their ideal values when it is switched off, its numbers for the motor board, its
 text, and what it may have of a state that moves, an effect, and an experiment that shows it. What the motor board does
-of itself stands in `twin.plant.kernels`, and experiments that need the leg's hardware stand in `twin.signatures`.
+of itself stands in `twin.plant.electronics`, and experiments that need the leg's hardware stand in `twin.signatures`.
 """
 
 from twin.imperfections._declaration import GROUPS, GUESS, Imperfection, Row, board_row, slot_value

@@ -6,6 +6,7 @@ integers, so that compiled code can use them by name.
 
 import inspect
 from collections import namedtuple
+from pathlib import Path
 from zlib import crc32
 
 from twin.imperfections import TABLE
@@ -81,12 +82,15 @@ COLUMNS = 4
 PLACES_BY_NAME = {name: value for name, value in globals().items() if name.isupper() and isinstance(value, int)}
 PLACES = namedtuple("PLACES", PLACES_BY_NAME)(**PLACES_BY_NAME)  # for the steps and effects of imperfections
 
-# The first number tells boards of this very layout, and of these very steps and effects: compiled code in the cache of
-# another one must not touch them.
+# The first number tells boards of this very layout, and of these very steps, effects and electronics: compiled code in
+# the cache of another one must not touch them.
 _compiled = [
-    kind.group + inspect.getsource(function)
-    for kind in TABLE.values()
-    for function in (kind.step, kind.effect)
-    if function is not None
+    Path(__file__).with_name("electronics.py").read_text(encoding="utf-8"),
+    *(
+        kind.group + inspect.getsource(function)
+        for kind in TABLE.values()
+        for function in (kind.step, kind.effect)
+        if function is not None
+    ),
 ]
 MAGIC_VALUE = 20161001.0 + crc32("".join([repr(PLACES_BY_NAME), *_compiled]).encode())

@@ -61,7 +61,7 @@ class LegPlant:
 
     def _angle(self) -> float:
         """What the potentiometer shows without noise [rad]."""
-        from twin.plant.kernels import angle_read
+        from twin.plant.electronics import angle_read
 
         return float(angle_read(self._joint, self._data.qpos))
 
