@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.linalg import null_space
+from scipy.optimize import minimize
+from scipy.stats import multivariate_normal
 
 from sysid.base.parallel import one_blas_thread
 from twin.calibrate.discrepancy import Frame, covariance, departures, directions, drifting, estimate, repeating, sizes
@@ -126,3 +129,23 @@ def test_intervals_hold_under_departures(extra, seeds):
         white.append(np.abs(estimate_) < 1.96 * np.sqrt(np.mean(left**2) * np.diag(G @ G.T)))
     assert 0.88 <= np.mean(inside) <= 1.0
     assert extra == "none" or np.mean(white) < 0.7  # what intervals from white residuals would hold
+
+
+def test_sizes_are_those_of_the_likelihood_outside_the_span_of_the_jacobian():
+    """Beside scipy's normal density of the contrasts of e, maximised without derivatives."""
+    rng = np.random.default_rng(8)
+    J, groups = rng.standard_normal((60, 3)), [rng.standard_normal((60, k)) for k in (4, 7)]
+    e = J @ [1.0, 2.0, 3.0] + groups[0] @ rng.normal(0.0, 0.5, 4) + rng.normal(0.0, 0.2, 60)
+    contrasts = null_space(J.T)
+
+    def loss(logs):
+        noise, *stds = np.exp(logs)
+        covariance = noise**2 * np.eye(60) + sum(s**2 * g @ g.T for s, g in zip(stds, groups, strict=True))
+        return -multivariate_normal.logpdf(contrasts.T @ e, cov=contrasts.T @ covariance @ contrasts)
+
+    best = minimize(loss, np.log([0.3, 0.3, 0.05]), method="Nelder-Mead", options={"maxiter": 2000, "xatol": 1e-6})
+    found = sizes(e, J, groups)
+    assert found.noise == pytest.approx(np.exp(best.x[0]), rel=1e-3)
+    assert found.groups[0] == pytest.approx(np.exp(best.x[1]), rel=1e-3)
+    constant = 0.5 * contrasts.shape[1] * np.log(2.0 * np.pi)
+    assert found.likelihood - constant == pytest.approx(-best.fun, abs=1e-3)

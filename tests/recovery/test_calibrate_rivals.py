@@ -52,7 +52,7 @@ def test_the_values_of_the_cause_are_those_of_the_search_and_not_of_one_step():
         task = legs(rng, changes)
         p, e, J = optimum(task)
         rows = agreement(task, p, e, J, 0.95)
-        found = explained(task, p, J, rows, "ab", OFFSET, Options(max_iterations=30))
+        found = explained(task, p, e, J, rows, "ab", OFFSET, Options(max_iterations=30))
         best = min(found, key=lambda row: row.behind)
         assert (best.name, best.odd, best.behind) == ("b", 2, 0.0)
         assert best.rms == pytest.approx(NOISE, rel=0.1)
@@ -66,7 +66,7 @@ def test_the_values_of_the_cause_are_those_of_the_search_and_not_of_one_step():
 def test_the_problem_with_own_values_begins_where_the_common_one_ended(name, searched):
     task = legs(np.random.default_rng(3), [0.0, 0.2])
     p, e, J = optimum(task)
-    problem, start = split(task, p, J, name, searched, OFFSET)
+    problem, start = split(task, p, name, searched, OFFSET, J)
     assert [free.name for free in problem.shared] == [row for row in searched if row != name]
     assert [problem.free[own[-1]].name for own in problem.own] == [name, name]
     assert problem.residual(start) == pytest.approx(e)

@@ -128,12 +128,18 @@ def _of_parameter(
     row = Agreement(
         free.name, free.unit, float(free.outer(z)), values, low, high, told, chance, squares, chance < limit
     )
-    if not row.differ or len(steps) < 3:
-        return row
+    odd, rest = odd_run(steps, sampling, limit) if row.differ else (None, True)
+    return replace(row, odd=odd, rest_agrees=rest)
+
+
+def odd_run(steps: np.ndarray, sampling: np.ndarray, limit: float) -> tuple[int | None, bool]:
+    """The run whose value is farthest from the others, None of two, and whether those agree at probability `limit`."""
+    if len(steps) < 3:
+        return None, True
     runs = np.arange(len(steps))
     others = [differences(steps[runs != k], sampling[np.ix_(runs != k, runs != k)]) for k in runs]
     best = min(runs, key=lambda k: others[k][0])
-    return replace(row, odd=int(best), rest_agrees=others[best][1] >= limit)
+    return int(best), others[best][1] >= limit
 
 
 def differences(steps: np.ndarray, sampling: np.ndarray) -> tuple[float, float]:

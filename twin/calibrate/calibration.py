@@ -16,7 +16,7 @@ from twin.calibrate.identifiability import tell
 from twin.calibrate.leg import DELAY, OFFSET, ROWS, ZERO, Leg, free, row_name, scale, usual
 from twin.calibrate.problem import Simulations
 from twin.calibrate.result import LEVEL, Calibration, Value
-from twin.calibrate.rivals import explained
+from twin.calibrate.rivals import explained, without_each
 from twin.calibrate.runs import columns_by_run, free_runs, score, typical_logs, with_bands, with_reference
 from twin.calibrate.search import USUAL, Optimum, find_optimum
 from twin.calibrate.start import from_joint
@@ -113,7 +113,12 @@ def calibrate(
         q, zero = _wide_point(wide, task, optimum.p), None if ZERO in daily else OFFSET
         rows_judged = agreement(wide, q, e, every, level, VISIBLE, zero)  # a row that is not calibrated may differ too
         agreements = tuple(row for row in rows_judged if row.name not in nuisance_rows)
-        agreements = explained(wide, q, every, agreements, free_rows, OFFSET, limits, say)
+        judge = (wide, q, e, every, agreements, free_rows, OFFSET, limits, level, VISIBLE)
+        agreements = explained(
+            *judge,
+            lambda: [_wide_point(wide, task, point) for point in without_each(task, optimum.p, limits)],
+            say,
+        )
         cov += _covariance_of_missed_end(task, optimum, joint, base, start.missed)
         values = _values(task, optimum, cov, J, size, base, level)
         own = {row: _values(task, optimum, cov, J, size, base, level, js) for row, js in columns_by_run(task).items()}

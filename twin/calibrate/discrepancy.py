@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.optimize import minimize
 
 # Names of the groups, in order.
@@ -130,17 +131,26 @@ def sizes(e: np.ndarray, J: np.ndarray, groups: Sequence[np.ndarray]) -> Sizes:
     z = basis.T @ residual
     rest, n_left = float(residual @ residual - z @ z), len(e) - J.shape[1] - R.shape[0]
 
-    def cost(logs: np.ndarray) -> float:
-        s2, g2 = np.exp(2.0 * logs[0]), np.exp(2.0 * logs[1:])[owner]
-        K = (R * g2) @ R.T + s2 * np.eye(len(z))
-        L = np.linalg.cholesky(K)
-        w = np.linalg.solve(L, z)
-        return float(2.0 * np.sum(np.log(np.diag(L))) + w @ w + rest / s2 + 2.0 * n_left * logs[0]) / len(e)
+    n_groups, member = len(groups), np.eye(len(groups))[owner]
 
-    white = np.sqrt(max(rest, 1e-300) / max(n_left, 1))
-    first = np.log([white, *(0.3 * white / np.sqrt(np.mean(g**2) * g.shape[1] + 1e-300) for g in groups)])
+    def cost(logs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Minus twice the log likelihood and its gradient, by logarithms of the sizes."""
+        s2, g2 = np.exp(2.0 * logs[0]), np.exp(2.0 * logs[1:])
+        L = np.linalg.cholesky((R * g2[owner]) @ R.T + s2 * np.eye(len(z)))
+        inverse = solve_triangular(L, np.eye(len(z)), lower=True)
+        v, W = inverse.T @ (inverse @ z), inverse @ R
+        value = 2.0 * np.sum(np.log(np.diag(L))) + z @ v + rest / s2 + 2.0 * n_left * logs[0]
+        slopes = np.empty(n_groups + 1)
+        slopes[0] = 2.0 * s2 * (np.sum(inverse**2) - v @ v) - 2.0 * rest / s2 + 2.0 * n_left
+        slopes[1:] = 2.0 * g2 * ((np.sum(W**2, axis=0) - (R.T @ v) ** 2) @ member)
+        return float(value) / len(e), slopes / len(e)
+
+    white = np.sqrt(max(rest, 1e-12 * float(residual @ residual), 1e-100) / max(n_left, 1))
+    # A group that is as good as zero gets a size that is a number.
+    rms = [max(float(np.sqrt(np.mean(g**2) * g.shape[1])), 1e-6 * white) for g in groups]
+    first = np.log([white, *(0.3 * white / size for size in rms)])
     limits = [(a - 10.0, a + 6.0) for a in first]
-    best = minimize(cost, first, method="L-BFGS-B", bounds=limits)
+    best = minimize(cost, first, jac=True, method="L-BFGS-B", bounds=limits)
     estimates = np.exp(best.x)
     return Sizes(float(estimates[0]), tuple(float(v) for v in estimates[1:]), -0.5 * float(best.fun) * len(e))
 
@@ -151,12 +161,20 @@ def by_size(groups: Sequence[np.ndarray], size: Sizes) -> np.ndarray:
 
 
 def estimate(
-    e: np.ndarray, J: np.ndarray, responses: Sequence[np.ndarray], Ts: Sequence[float], scored_samples: np.ndarray
+    e: np.ndarray,
+    J: np.ndarray,
+    responses: Sequence[np.ndarray],
+    Ts: Sequence[float],
+    scored_samples: np.ndarray,
+    more: Sequence[np.ndarray] = (),
 ) -> tuple[list[np.ndarray], Sizes]:
-    """Departures at the scored samples, and their sizes, at the width with the largest restricted likelihood."""
+    """Departures at the scored samples, and their sizes, at the width with the largest restricted likelihood.
+
+    `more` are further groups (N, columns) beside them.
+    """
     candidates, frame = [], Frame.of(responses, Ts)
     for width in WIDTHS:
-        groups = [g[scored_samples] for g in departures(responses, Ts, width, frame)]
+        groups = [*(g[scored_samples] for g in departures(responses, Ts, width, frame)), *more]
         candidates.append((groups, replace(sizes(e, J, groups), width=width)))
     return max(candidates, key=lambda candidate: candidate[1].likelihood)
 

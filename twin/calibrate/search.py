@@ -62,18 +62,18 @@ def find_optimum(
         points = np.concatenate([points, starts])
         losses = problem.losses(points)
         points = points[np.argsort(losses)[:descents]]
-    outcomes = [_descend(problem, points[0], progress, options)]
+    outcomes = [descend(problem, points[0], progress, options)]
     for p in points[1:]:
         if time.monotonic() > options.deadline:
             break
-        outcomes.append(_descend(problem, p, progress, options))
+        outcomes.append(descend(problem, p, progress, options))
     best = min(outcomes, key=lambda outcome: outcome.cost)
     n_agreed = sum(outcome.cost <= AGREE * best.cost for outcome in outcomes)
     late = time.monotonic() > options.deadline and (not best.stop.converged or len(outcomes) < len(points))
     return Optimum(best.p, best.cost, first, best.stop, best.history, len(outcomes), n_agreed, late)
 
 
-def _descend(
+def descend(
     problem: Simulations, p: np.ndarray, progress: Callable[[int, float], None] | None, options: Options
 ) -> Outcome:
     """Forward differences as far as they lead, then central ones: near-equal columns need slopes without curvature."""
