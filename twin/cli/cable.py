@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import radians
 from pathlib import Path
@@ -12,10 +12,13 @@ import typer
 
 from sysid.base.errors import InputError, unknown
 from twin.cli import options
+from twin.cli.console import Interruption
 from twin.cli.output import check_writable_file
+from twin.cli.stopping import hold_requests
 from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
+    from twin.log import Log
     from twin.rig.calibration import Calibration
     from twin.rig.emulator import Emulator
     from twin.rig.link import Link
@@ -47,10 +50,10 @@ def rig_on(
 
 
 def known_calibration(rig: str, emulate: str | None) -> "Calibration | None":
-    """The calibration in the file; None for an emulated rig without one, which is then wired and zeroed first."""
+    """The calibration in the file; None for an emulated rig without the usual one, which is wired and zeroed first."""
     from twin.rig import calibration as calibrations
 
-    if emulate is not None and not Path(rig).exists():
+    if emulate is not None and rig == calibrations.DEFAULT and not Path(rig).exists():
         return None
     return calibrations.read(rig)
 
@@ -106,6 +109,37 @@ def check_new_file(path: str) -> None:
     if Path(path).suffix != ".toml":
         raise InputError(f"--rig is {path}; a calibration is a TOML file: end its name in .toml")
     check_writable_file(Path(path))
+
+
+@contextmanager
+def kept_logs(folder: Path, scratch: Path) -> "Iterator[Callable[[int, Log], None]]":
+    """A function that writes the log of an experiment at once, where it stays if the verb is stopped, even killed.
+
+    The logs are in NAME-logs beside `folder`; they move into `scratch` when all is done. Raises InputError where such a
+    folder has logs already.
+    """
+    place = folder.with_name(f"{folder.name}-logs")
+    if place.exists():
+        raise InputError(f"{place} has the logs of a run that was stopped; move it, or give another --out")
+
+    def keep(number: int, log: "Log") -> None:
+        with hold_requests():
+            place.mkdir(parents=True, exist_ok=True)
+            log.save(place / f"experiment-{number}.csv")
+
+    try:
+        yield keep
+    except KeyboardInterrupt:
+        if not place.exists():
+            raise
+        raise Interruption(f"the drive is off; the logs are in {place}") from None
+    except InputError as error:
+        raise error if not place.exists() else InputError(f"{error}; the logs are in {place}") from None
+    with hold_requests():
+        for path in sorted(place.glob("*")):
+            path.rename(scratch / path.name)
+        if place.exists():
+            place.rmdir()
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from twin.cli.cable import (
     check_new_file,
     emulated_calibration,
     first_calibration,
+    kept_logs,
     known_calibration,
     rig_on,
     room_for,
@@ -114,7 +115,7 @@ def wire(
         result = find_wiring(link, start, _speaker(as_json))
         calibrations.write(result, rig)
     note_result(rig)
-    _say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero --rig {rig}")
+    _say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero{_again(rig, emulate, seed)}")
 
 
 def zero(
@@ -149,7 +150,12 @@ def zero(
         result = zeroed(known, ends)
         calibrations.write(result, rig)
     note_result(rig)
-    _say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig auto {known.joint} --rig {rig}")
+    _say(
+        result.model_dump(),
+        as_json,
+        f"Written: {rig}",
+        f"Next: qpal rig auto {known.joint}{_again(rig, emulate, seed)}",
+    )
 
 
 def run(
@@ -175,6 +181,8 @@ def run(
     from twin.rig.run import check_input, log_of, play, read_input
 
     given = read_input(design)
+    if Path(log).exists():
+        raise InputError(f"{log} is there already, and a record cannot be made again; give another --log")
     check_written(Path(log))
     check_writable_file(Path(log))
     known = known_calibration(rig, emulate)
@@ -235,6 +243,7 @@ def auto(
         )
     with (
         run_folder(out, "rig") as (folder, scratch),
+        kept_logs(folder, scratch) as keep,
         rig_on(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
     ):
         ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
@@ -249,7 +258,7 @@ def auto(
                 budget,
                 step=step,
                 share=lambda share: step.part(share, "playing"),
-                keep=lambda number, log: log.save(scratch / f"experiment-{number}.csv"),
+                keep=keep,
             )
             if emulator is not None:
                 result = result.with_truth(emulator.truth(TS))
@@ -271,10 +280,17 @@ def _end(recording: "Recording", meta: Any, log: str, as_json: bool) -> None:
     if recording.interrupted:
         raise console.Interruption(f"the drive is off; {written}")
     summary = {"log": log, "samples": n, "lost": len(recording.lost), "rig": meta["rig"], "notes": meta["notes"]}
-    _say(summary, as_json, *(f"Note: {note}." for note in meta["notes"]), f"Log: {log}", f"Next: qpal identify {log}")
+    _say(summary, as_json, *(f"Note: {note}." for note in meta["notes"]), f"Log: {log}")
     if recording.reason:
         print(f"qpal: the run ended early: {recording.reason}; the drive is off, {written}", file=sys.stderr)
         raise typer.Exit(1)
+    if not as_json:
+        print(f"Next: qpal identify {log} --structure actuated_joint")
+
+
+def _again(rig: str, emulate: str | None, seed: int) -> str:
+    """The options with which the next verb finds the same rig."""
+    return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")
 
 
 def _speaker(as_json: bool) -> Callable[[str], None]:

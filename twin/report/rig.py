@@ -12,8 +12,8 @@ from sysid.report.page import Grid, Page, Picture, Section
 from twin.rig.auto import ASKED, Campaign
 
 _CAPTION = (
-    "Each value with its 95 % interval after each experiment; an open mark is not determined yet. Intervals shrink as "
-    "experiments are added."
+    "Each value with its 95 % interval after each experiment; an open mark is not determined yet. An interval stays "
+    "where no later record narrows it."
 )
 _TRUE = " The dashed line is the truth, which the emulated rig has hidden until now."
 
