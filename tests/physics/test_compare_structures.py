@@ -9,11 +9,14 @@ import twin
 from twin.compare import remainder as remainders
 from twin.compare.remainder import remainder
 from twin.compare.search import Search, Trials, refine
+from twin.compare.standins import stand_in
 from twin.compare.structures import CAUSES, STRUCTURES
 from twin.compare.structures._declaration import DT
 from twin.compare.verdict import explain
+from twin.follow import Follower
 from twin.hardware.linkage import middle
 from twin.log import Log
+from twin.parameters import Parameters
 from twin.report.compare import verdict_sentences
 
 P = twin.Parameters()
@@ -177,3 +180,12 @@ def test_parts_of_a_right_cause_disagree_no_more_often_than_said(colour, monkeyp
     assert np.all(alarms > 0.01)
     bent = left + 4.0 * np.where(t < 0.5, 1.0, -1.0) * np.sin(40.0 * t)
     assert np.mean([remainders._disagree(J, e - J @ np.linalg.pinv(J) @ e, parts[0], 0.05) for e in bent[:30]]) > 0.9
+
+
+@pytest.mark.parametrize("effect", ["speed", "end_stop"])
+def test_noise_does_not_tell_parts_of_a_record_apart(effect):
+    """These joints rest for long at the median of their angles: what read high there stood against what read low."""
+    example = stand_in(effect, 3001)
+    verdict = explain(Trials(Follower(example.log, example.joint), Parameters()))
+    assert verdict.left.uneven == ()
+    assert verdict.first == effect
