@@ -16,9 +16,9 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
 
 from sysid.base.errors import InputError
+from twin.rig.closing import Closing
 
 HERE = Path(__file__).resolve().parent
 FIRMWARE = HERE / "firmware"
@@ -76,7 +76,7 @@ def _run(*command: str) -> None:
         raise InputError(f"{command[0]} fails ({lines[0].strip()}); it needs Debian's {PACKAGES}")
 
 
-class Avr:
+class Avr(Closing):
     """The firmware after a reset, in front of `plant`; a context manager.
 
     A conversion of the ADC reads its pin with a normal error of `noise` [of 1024]. `key` is the stop key, pressed or
@@ -128,16 +128,8 @@ class Avr:
                 pipe.close()
         self._process.wait()
 
-    def __enter__(self) -> "Avr":
-        return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-
-class Port:
+class Port(Closing):
     """The firmware on the pseudo-terminal `port`, its time paced to the wall clock; a context manager.
 
     It never runs faster than the wall clock: what the computer was late by, `lag` [s] in all, is lost. While a host
@@ -185,11 +177,3 @@ class Port:
         os.close(self._ours)
         os.close(self._theirs)
         self.avr.close()
-
-    def __enter__(self) -> "Port":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()

@@ -8,7 +8,6 @@ import select
 import threading
 import time
 from collections import deque
-from types import TracebackType
 
 import mujoco
 import numpy as np
@@ -22,6 +21,7 @@ from twin.plant import slots
 from twin.plant.stepping import TIMESTEP, boards
 from twin.rig import wire
 from twin.rig.board import Board
+from twin.rig.closing import Closing
 from twin.studies.beyond import twin_truth
 
 REST = 2.0  # [s] in which the leg comes to rest once the drive is off
@@ -120,7 +120,7 @@ class LegPlant:
         self.trouble = trouble
 
 
-class Emulator:
+class Emulator(Closing):
     """A rig on the pseudo-terminal `port`, served by a thread until `close`; a context manager.
 
     `joint` hangs on its channel with parameters drawn by `seed`, unless `parameters` are given; its motor and sensor
@@ -164,14 +164,6 @@ class Emulator:
         self.port = os.ttyname(self._slave)
         self._thread = threading.Thread(target=self._serve, name="emulated rig", daemon=True)
         self._thread.start()
-
-    def __enter__(self) -> "Emulator":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """The rig is gone."""

@@ -5,11 +5,11 @@ import time
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from types import TracebackType
 from typing import Any
 
 from sysid.base.errors import InputError
 from twin.rig import wire
+from twin.rig.closing import Closing
 
 GREETING = 4.0  # [s]: a board that the opened port resets starts within 2
 AGAIN = 0.1  # [s] between two frames that are said again
@@ -21,7 +21,7 @@ class Lost(InputError):  # noqa: N818 - reads as what it says
     """The port is gone: a pulled cable, a board without power."""
 
 
-class Link:
+class Link(Closing):
     """A rig on `port`, open and greeted; a context manager that stops the rig and closes the port at its end.
 
     `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. Raises
@@ -43,14 +43,6 @@ class Link:
         except BaseException:
             self._serial.close()
             raise
-
-    def __enter__(self) -> "Link":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         """Drive off, and the port free for others."""
