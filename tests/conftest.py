@@ -12,6 +12,9 @@ from hypothesis import settings
 from often import FULL
 from shares import in_shares
 
+# Before numpy loads: workers of two BLAS threads each wait for each other (a test took 380 s instead of 10 s).
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 settings.register_profile("qpal", deadline=None, max_examples=20, derandomize=True)
 settings.load_profile("qpal")
 
