@@ -52,6 +52,7 @@ def bench(path, *more):
     return [sys.executable, "-m", "twin.cli", "bench", "run", *QUICK, "--out", str(path), *more]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", often(2, 1))
 def test_a_run_that_is_killed_goes_on_without_losing_or_repeating_a_row(tmp_path, seed):
     """SIGKILL at random moments, each time after another row; the table then equals that of a run in one piece."""

@@ -233,6 +233,7 @@ def test_the_plots_are_valid_and_their_script_lies_beside_the_page(table, tmp_pa
     assert "http" not in re.sub(r'"[^"]*"|\'[^\']*\'|//.*', "", html)
 
 
+@pytest.mark.nightly
 def test_100_000_rows_make_a_page_of_less_than_10_mb(tmp_path):
     part = run_of_the_library(np.random.default_rng(0), methods=12, tasks=24)
     several = [part.with_columns(pl.col("scenario").str.replace("f", f"g{k % 7}") + f"-{k}") for k in range(350)]

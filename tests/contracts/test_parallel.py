@@ -60,6 +60,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.nightly
 def test_a_worker_that_has_grown_is_replaced_also_where_warnings_are_errors(tmp_path):
     """joblib ends it after 300 MB and warns in a thread, which the error would end: the run would wait for ever."""
     pytest.importorskip("psutil")  # joblib looks at the memory of workers only with it

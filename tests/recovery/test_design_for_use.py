@@ -121,6 +121,7 @@ def test_the_command_reads_an_input_of_another_sampling_time_and_shows_what_it_b
     assert main(["design", str(log), "--for-use", str(use), "--out", str(out)]) != 0
 
 
+@pytest.mark.nightly
 def test_where_no_experiment_helps_the_report_says_why_and_has_the_one_without_the_input(first, tmp_path):
     """Under 0.05 V the joint stands, which its record tells."""
     data, _ = first

@@ -117,7 +117,10 @@ def stribeck() -> tuple[IOData, JointFit]:
     return fitted("stribeck", 0)
 
 
-@pytest.mark.parametrize("plant", ["screw", "coasts", "stribeck", "all"])
+_BY_NIGHT = [pytest.param(plant, marks=pytest.mark.nightly) for plant in ("screw", "coasts", "stribeck")]
+
+
+@pytest.mark.parametrize("plant", ["all", *_BY_NIGHT])
 def test_the_parts_of_a_joint_are_shown_and_it_gets_as_low_as_from_the_truth(plant: str) -> None:
     (data, joint), (chain, more, parts) = fitted(plant, 0), PLANTS[plant]
     assert shown(joint) == parts
@@ -308,6 +311,7 @@ def test_a_record_with_a_gap_or_without_input_gives_numbers_or_a_sentence(case: 
     assert np.isfinite(joint.unseen_percent)
 
 
+@pytest.mark.nightly
 def test_a_backlash_that_hardly_changes_the_fit_is_not_shown() -> None:
     """Joints without backlash whose posterior at a local optimum is far from zero: a search without it is as good."""
     chain, shown_widths = PLANTS["stribeck"][0], []

@@ -129,6 +129,7 @@ def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
     assert np.sqrt(np.mean(error**2)) < 0.5
 
 
+@pytest.mark.nightly
 def test_a_long_record_gives_the_joint_of_the_same_record_with_fewer_samples():
     """Five times as many samples: starts are searched with fewer, the joint is that of the whole record."""
     rng = np.random.default_rng(31)

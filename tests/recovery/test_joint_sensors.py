@@ -52,7 +52,7 @@ def points_lost(fit, data):
     return 100.0 * (np.sqrt(np.mean(e**2)) - NOISE) / np.std(data.y)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.nightly), -1.0])
 @pytest.mark.parametrize("stops", ["none", "both"])
 def test_a_pendulum_over_several_turns_fits_another_input_with_either_sign(sign, stops):
     pendulum = Reference(
@@ -63,6 +63,7 @@ def test_a_pendulum_over_several_turns_fits_another_input_with_either_sign(sign,
     assert points_lost(found.fit, record(pendulum, sweep(800, 7.0), sign, 2)) < 1.0
 
 
+@pytest.mark.nightly
 def test_a_joint_between_stops_has_the_mirror_image_of_its_values():
     """Up is where the output rises: what moved the joint up moves it down where its sensor counts the other way."""
     leg = Reference(gain=1.0, lag=1.0, rise=1.0, fall=1.6, delay=0.3, x0=10.0, lower=-10.0, upper=45.0)
@@ -157,7 +158,7 @@ def with_backlash(y, width):
     return link
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.nightly), -1.0])
 def test_a_rest_at_an_end_is_judged_by_the_voltage_that_moves_the_joint_there(sign):
     """A sweep alone shows it late (2.5 and 2.1 V): the joint crosses its backlash, and answers after its delay."""
     arm = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **ARM)
@@ -181,6 +182,7 @@ def test_the_noise_of_a_record_of_parts_is_that_of_its_readings(parts_of_a_log):
     assert colour_level(fit, parts_of_a_log) == pytest.approx(NOISE, rel=0.2)
 
 
+@pytest.mark.nightly
 def test_mid_stroke_is_the_middle_of_the_way_in_any_unit():
     """Without a linkage it was 0.5 of the output's unit: half a degree, or half a radian."""
     arm = Reference(lambda x: 0.8 * np.sin(np.deg2rad(x)), gain=1.5, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=35.0)
@@ -278,6 +280,7 @@ def test_a_sweep_against_both_ends_meets_both():
     assert abs(tests["end_high"].farthest - tests["end_low"].farthest - (40.0 - 0.8)) < 0.5
 
 
+@pytest.mark.nightly
 def test_a_part_of_a_long_record_does_not_replace_what_the_whole_shows(monkeypatch):
     """The last search of a record that was thinned goes over its first 5000 samples; here it is led astray."""
     k, searched = np.arange(5200), []

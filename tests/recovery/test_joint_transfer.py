@@ -50,7 +50,7 @@ def test_a_value_that_changes_with_the_level_is_as_uncertain_as_it_changes(seed)
     assert far > 2.0 * plain
 
 
-@pytest.mark.parametrize("seed", often(4, 2))
+@pytest.mark.parametrize("seed", often(4, 1))
 def test_the_band_holds_on_another_kind_of_input(seed):
     """Legs of the twin: fitted to a sweep, levels drawn over the whole supply are predicted; linear bands hold less."""
     held, starts = [], []

@@ -154,6 +154,7 @@ def test_what_a_log_does_not_tell_stays_as_the_robot_has_it(tmp_path):
     assert table["joint"]["names"] == [f"{KNEE}.bias"]
 
 
+@pytest.mark.nightly
 def test_lost_readings_and_spikes_are_left_out_and_named(folder, tmp_path):
     """Also in a log that is held out; a pulse that lasts is the joint's."""
     rig, columns = robot.read(folder / "robot.xml", (HIP, KNEE)), (COLUMNS[1], COLUMNS[3])
@@ -195,6 +196,7 @@ def test_gains_and_a_play_are_found(folder):
     assert abs(result["hip_servo.backlash"].value / 0.03 - 1.0) < 0.1
 
 
+@pytest.mark.nightly
 def test_what_the_time_step_makes_of_the_values_is_told(folder):
     """The robot moves in steps a quarter as long; of an error of first order in the step three quarters are seen."""
     rng, t = np.random.default_rng(5), np.arange(1500) * TS
@@ -208,6 +210,7 @@ def test_what_the_time_step_makes_of_the_values_is_told(folder):
     assert any("2.00 ms" in text and "delay" in text for text in report.sentences(result))
 
 
+@pytest.mark.nightly
 def test_intervals_allow_for_a_play_that_is_not_calibrated(folder):
     """Without the functions of what the model lacks 4 of 9 hold."""
     rng, play = np.random.default_rng(11), np.array([0.01, 0.006])
@@ -224,6 +227,7 @@ def test_intervals_allow_for_a_play_that_is_not_calibrated(folder):
     assert following.endswith("--free armature,damping,frictionloss,delay,bias,backlash")
 
 
+@pytest.mark.nightly
 def test_motors_in_other_units_with_lost_samples(folder):
     """A cart on springs with a pole: a slide and a hinge under forces, one of them through a gear."""
     rng, names = np.random.default_rng(5), ("cart", "pole")
@@ -264,6 +268,7 @@ def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, 
     mujoco.MjModel.from_xml_path("out/robot-calibrated.xml")
 
 
+@pytest.mark.nightly
 def test_the_next_command_runs(calibrated, folder, tmp_path, monkeypatch, capsys):
     """From one that is asked for to the next; logs to be recorded are there by then."""
     monkeypatch.chdir(tmp_path)

@@ -203,6 +203,7 @@ def test_a_shape_with_tails_is_itself_within_the_record_and_open_beyond_it(shape
     np.testing.assert_allclose(J[above, -1], h + bend / mean_slope, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.nightly
 def test_corners_that_the_record_does_not_show_are_not_invented():
     """A rectifier, a single limit, and shapes whose second corner is far: a name that fits is not enough."""
     limit = lambda x: np.minimum(x, 1.0)  # noqa: E731

@@ -3,6 +3,8 @@
 import json
 import shlex
 
+import pytest
+
 from twin.cli import main
 
 LEG = ["--joint", "thigh", "--params", "leg.toml"]
@@ -15,6 +17,7 @@ def identified(log, out):
         return json.load(file)
 
 
+@pytest.mark.nightly
 def test_a_record_that_shows_no_joint_leads_to_one_that_does(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "leg.toml").write_text("[thigh]\ncoulomb = 45\nviscous = 700\n")

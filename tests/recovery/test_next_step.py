@@ -64,6 +64,7 @@ def here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("seed", often(3, 1))
 def test_end_stops_want_a_joint(seed, capsys):
     twin.Experiment("thigh", "sweep", 250.0, TS, seed, options={"jitter": 0.5, "shrink": 0.4}).run().save("log.csv")
@@ -202,6 +203,7 @@ def test_a_search_that_had_no_time_for_all_goes_on_from_its_journal(left_out, jo
     assert given["--starts"] == "1", "a journal belongs to its search"
 
 
+@pytest.mark.nightly
 def test_a_joint_is_told_what_its_record_needs_and_not_of_orders_and_maps(here, capsys):
     """An arm under a sine; the command that its advice names designs the next record."""
     u = 6.0 * np.sin(2 * np.pi * np.arange(900) / 100 + 0.3)

@@ -118,6 +118,7 @@ def test_a_joint_is_tried_and_wins_where_the_record_integrates_and_stops():
     assert found.fit.fit_percent(record) > 97.0
 
 
+@pytest.mark.nightly
 def test_every_structure_keeps_its_best_row_and_one_that_is_not_asked_for_has_none():
     rng = np.random.default_rng(0)
     u = np.repeat(rng.uniform(-2, 2, 200), 5)
@@ -134,6 +135,7 @@ def test_every_structure_keeps_its_best_row_and_one_that_is_not_asked_for_has_no
     assert ActuatedJoint() not in {r.candidate for r in none.rows}
 
 
+@pytest.mark.nightly
 def test_a_joint_that_a_search_finds_has_all_parts_on_the_scale_of_the_file(tmp_path, monkeypatch):
     record = joint_record(600)
     np.savetxt(tmp_path / "joint.csv", np.column_stack([record.u, record.y]), delimiter=",", header="u,y", comments="")

@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from often import often
 
 from sysid.data.record import IOData
@@ -26,6 +27,7 @@ def log(seed: int) -> IOData:
     return IOData(7.4 * duty, y, joint.Ts, "drive", "angle", "V", "rad")
 
 
+@pytest.mark.nightly
 def test_short_logs_of_a_servo_are_joints_or_undetermined() -> None:
     """Of four, two are joints and one is undetermined; on one a Hammerstein-Wiener model is as good in every way."""
     said = [verdict(fit_joint(data), data) for data in map(log, often(4, 1))]
