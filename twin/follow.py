@@ -82,9 +82,16 @@ class Follower:
 
     @checked(late=True)
     def courses(
-        self, parameters: Sequence[Parameters], starts: Sequence[float] | np.ndarray | None = None
+        self,
+        parameters: Sequence[Parameters],
+        starts: Sequence[float] | np.ndarray | None = None,
+        added: Sequence[np.ndarray | None] | None = None,
     ) -> np.ndarray:
-        """The same readings (runs, steps) [rad] at every simulation step, for `sample_course`."""
+        """The same readings (runs, steps) [rad] at every simulation step, for `sample_course`.
+
+        `added` (runs): the table of what the drive of a run has beside its parameters (`twin.plant.added`) or None.
+        Rows with a table whose link would touch something are NaN too.
+        """
         runs = len(parameters)
         if not runs:
             raise InputError("no parameters are given; give those of one run or more")
@@ -94,8 +101,9 @@ class Follower:
         places = [
             float(np.clip(start, *end_angles(p, self.joint))) for p, start in zip(parameters, starts, strict=True)
         ]
+        tables = [None] * runs if added is None else list(added)
         with ThreadPoolExecutor(max(self.threads, 1)) as pool:
-            courses = list(pool.map(self._course, experiments, places))
+            courses = list(pool.map(self._course, experiments, places, tables))
         others = [k for k, course in enumerate(courses) if course is None]
         if others:
             angles = [{self.joint: places[k]} for k in others]
@@ -105,14 +113,16 @@ class Follower:
                 courses[k] = output[:, 0, slots.READING]
         return np.stack([course for course in courses if course is not None])
 
-    def _course(self, e: Experiment, start: float) -> np.ndarray | None:
+    def _course(self, e: Experiment, start: float, added: np.ndarray | None) -> np.ndarray | None:
         """The readings (steps,) of one run; None where only MuJoCo knows them: closed loops and contacts."""
+        unknown_course = None if added is None else np.full(self._steps, np.nan)
         if e.realisation != "tendon":
-            return None
+            return unknown_course
         from twin.plant.mechanics import course  # compiled code, loaded by those who step
 
         servo, on_link = e.mode == "servo", e.pot_side == "link"
-        return course(e.p, e.joint, e.without, self.commands, start, SETTLE, servo, on_link, e.seed)
+        found = course(e.p, e.joint, e.without, self.commands, start, SETTLE, servo, on_link, e.seed, added)
+        return unknown_course if found is None else found
 
     @checked(late=True)
     def sample_course(self, course: np.ndarray, shift: float = 0.0) -> np.ndarray:

@@ -16,12 +16,13 @@ from verdicts import judged, put_into_page
 from twin.compare.standins import StandIn
 from twin.experiment import Experiment
 from twin.follow import Follower
-from twin.hardware.linkage import middle
+from twin.hardware.linkage import end_angles, middle
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
 
 TS, DURATION, DT = 0.05, 30.0, 0.001
 NOISE = np.deg2rad(0.2)
+_STANDS = np.deg2rad(0.02)
 _EXCITATIONS: tuple[tuple[str, dict[str, float]], ...] = (("aprbs", {}), ("sweep", {"jitter": 0.5, "shrink": 0.4}))
 
 
@@ -42,15 +43,19 @@ class Leg:
         """Angles (steps,) [rad] every `DT`."""
         u = self.u if u is None else u
         first = middle(self.p, self.joint) if start is None else start
-        follower = Follower(Log(u, np.full(len(u), first), TS, joint=self.joint), self.joint, threads=1)
+        Ts = TS if len(u) <= len(self.t) else DT
+        follower = Follower(Log(u, np.full(len(u), first), Ts, joint=self.joint), self.joint, threads=1)
         return np.asarray(follower.courses([self.p if p is None else p])[0], dtype=float)
 
-    def disturbed(self, volts: Callable[[np.ndarray, np.ndarray], np.ndarray], rounds: int = 6) -> np.ndarray:
-        """The course where volts(angle, speed) are added to the input; found by repetition, at the samples."""
-        course = self.course()
+    def disturbed(self, volts: Callable[[np.ndarray, np.ndarray], np.ndarray], rounds: int = 40) -> np.ndarray:
+        """The course where volts(angle, speed) act at the motor, every `DT`; found by repetition until it stands."""
+        u, late, course = np.repeat(self.u, round(TS / DT)), round(self.p["delay"] / DT), self.course()
         for _ in range(rounds):
-            x = course[:: round(TS / DT)][: len(self.u)]
-            course = self.course(self.u + volts(x, np.gradient(x, TS)))
+            x = course[: len(u)]
+            ahead = np.append(volts(x, np.gradient(x, DT))[late:], np.zeros(late))
+            course = self.course(u + ahead)
+            if np.abs(course[: len(x)] - x).max() < _STANDS:
+                break
         return course
 
 
@@ -103,7 +108,7 @@ def _cogging(leg: Leg) -> np.ndarray:
     return leg.disturbed(lambda x, v: size * np.sin(waves * x))
 
 
-def _sticky_place(leg: Leg) -> np.ndarray:
+def _place(leg: Leg) -> np.ndarray:
     size, place, width = (
         leg.uniform(0.5, 2.0),
         middle(leg.p, leg.joint) + leg.uniform(-0.3, 0.3),
@@ -120,7 +125,7 @@ def _weight_added(leg: Leg) -> np.ndarray:
     return np.concatenate([before[: n * steps], after])
 
 
-def _grease(leg: Leg) -> np.ndarray:
+def _drag(leg: Leg) -> np.ndarray:
     size = leg.uniform(0.1, 0.5)
     return leg.disturbed(lambda x, v: -2.0 * size * np.sign(v) * np.sqrt(np.abs(v) / 0.2))
 
@@ -131,10 +136,51 @@ def _late_at_times(leg: Leg) -> np.ndarray:
     return np.interp(t - np.repeat(delays, round(1.0 / DT))[: len(x)], t, x)
 
 
-INSIDE = {"spring": _spring, "hysteresis": _hysteresis, "creep": _creep, "wave": _wave, "give": _give}
+def _weak_one_way(leg: Leg) -> np.ndarray:
+    share = leg.uniform(0.05, 0.3)
+    return leg.course(np.where(leg.u > 0.0, (1.0 - share) * leg.u, leg.u))
+
+
+def _sensor_slips(leg: Leg) -> np.ndarray:
+    x = leg.course()
+    return x + np.where(np.arange(len(x)) * DT > leg.uniform(8.0, 22.0), np.deg2rad(leg.uniform(0.5, 4.0)), 0.0)
+
+
+def _ripple(leg: Leg) -> np.ndarray:
+    return leg.course(leg.u * (1.0 + leg.uniform(0.1, 0.3) * np.sin(leg.uniform(0.5, 6.0) * leg.t)))
+
+
+def _pause_at_reversals(leg: Leg) -> np.ndarray:
+    """The bridge stays off for some samples after each change of the command's sign."""
+    n, u = int(leg.rng.integers(2, 6)), np.array(leg.u)
+    for k in np.flatnonzero(np.diff(np.sign(leg.u))) + 1:
+        u[k : k + n] = 0.0
+    return leg.course(u)
+
+
+def _soft_end(leg: Leg) -> np.ndarray:
+    high = end_angles(leg.p, leg.joint)[1]
+    way, size = leg.uniform(0.1, 0.4), leg.uniform(2.0, 6.0)
+    return leg.disturbed(lambda x, v: -size * np.maximum(x - high + way, 0.0) / way)
+
+
+def _slew(leg: Leg) -> np.ndarray:
+    """The board lets the voltage change by so much a sample."""
+    step, u, now = leg.uniform(0.5, 2.0), np.array(leg.u), 0.0
+    for k, asked in enumerate(leg.u):
+        now += np.clip(asked - now, -step, step)
+        u[k] = now
+    return leg.course(u)
+
+
+INSIDE = {
+    **{"spring": _spring, "hysteresis": _hysteresis, "creep": _creep, "wave": _wave, "give": _give},
+    **{"heat": _heat, "cogging": _cogging, "place": _place, "drag": _drag},
+}
 OUTSIDE = {
-    **{"heat": _heat, "cogging": _cogging, "sticky place": _sticky_place, "weight added": _weight_added},
-    **{"grease": _grease, "late at times": _late_at_times},
+    **{"weight added": _weight_added, "late at times": _late_at_times, "weak one way": _weak_one_way},
+    **{"sensor slips": _sensor_slips, "ripple": _ripple, "pause at reversals": _pause_at_reversals},
+    **{"soft end": _soft_end, "slew": _slew},
 }
 FOREIGN = INSIDE | OUTSIDE
 

@@ -31,6 +31,7 @@ class Knob:
     upper: float
     typical: float
     first: tuple[float, ...] = ()
+    words: str = ""  # where its name alone does not say it
 
 
 def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, Knob]:

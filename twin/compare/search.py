@@ -1,19 +1,20 @@
 """Least squares over knobs: many small searches at once, with all their simulations of a round in one batch."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sysid.base.errors import InputError
 from twin.compare.effects import READ, SLOPE, START, ZERO, Knob, apply_knobs, knobs
-from twin.compare.structures import STRUCTURES
+from twin.compare.structures import STRUCTURES, Structure
 from twin.follow import Follower
 from twin.parameters import Parameters
+from twin.plant.added import Grid, grid
 
 Values = Mapping[str, float]
 # These need no simulation of their own: they change how a course is read.
-_READ = (*READ, *(name for structure in STRUCTURES.values() for name in structure.knobs))
+_READ = (*READ, *(name for structure in STRUCTURES.values() if structure.read for name in structure.knobs))
 MOST = 24  # simulations in one batch: limits the memory in use
 
 
@@ -29,6 +30,7 @@ class Trials:
     read: Values = field(default_factory=dict)
     knobs: dict[str, Knob] = field(init=False)
     simulated: int = field(default=0, init=False)
+    _grid: Grid = field(init=False, repr=False)
     _courses: dict[tuple, np.ndarray] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -36,6 +38,7 @@ class Trials:
         first = (float(f.y[0]) - self.read.get(ZERO, 0.0)) / self.read.get(SLOPE, 1.0)
         table = knobs(self.parameters, f.joint, first, float(np.abs(f.u).max()))
         table |= {row.name: row for structure in STRUCTURES.values() for row in structure.rows}
+        self._grid = grid(self.parameters, f.joint, f.log.N * f.log.Ts)
         self.knobs = table | {name: replace(table[name], nominal=value) for name, value in self.read.items()}
 
     def rows(self, states: Sequence[Values]) -> np.ndarray:
@@ -63,14 +66,27 @@ class Trials:
         for k in range(0, len(order), MOST):
             part = order[k : k + MOST]
             starts = [dict(key).get(START, self.knobs[START].nominal) for key in part]
-            courses = self.follower.courses([able[key] for key in part], starts)
+            courses = self.follower.courses(
+                [able[key] for key in part], starts, [self._added(dict(key)) for key in part]
+            )
             self.simulated += len(part)
             self._courses |= dict(zip(part, courses.astype(np.float32), strict=True))
 
-    def _read(self, course: np.ndarray, state: Values) -> np.ndarray:
+    def _present(self, state: Values) -> Iterator[tuple[Structure, dict[str, float]]]:
+        """The structures that a state has, with the values of their knobs."""
         for structure in STRUCTURES.values():
             values = {name: state.get(name, self.knobs[name].nominal) for name in structure.knobs}
-            if any(values[name] != self.knobs[name].nominal for name in structure.knobs) and len(course) > 2:
+            if any(values[name] != self.knobs[name].nominal for name in structure.knobs):
+                yield structure, values
+
+    def _added(self, state: Values) -> np.ndarray | None:
+        """The table of what the drive has beside its parameters."""
+        tables = [s.drive(self._grid, values) for s, values in self._present(state) if s.drive]
+        return np.sum(tables, axis=0) if tables else None
+
+    def _read(self, course: np.ndarray, state: Values) -> np.ndarray:
+        for structure, values in self._present(state):
+            if structure.read and len(course) > 2:
                 course = structure.read(course.astype(float), self.follower.commands[: len(course)], values)
         delay, slope, zero = (state.get(name, self.knobs[name].nominal) for name in READ)
         return slope * self.follower.sample_course(course, delay) + zero

@@ -95,7 +95,7 @@ def explain(
     base = Search("", ())
     singles = [Search(name, CAUSES[name].knobs_of(joint)) for name in effects]
     for search in singles:
-        search.tries = _other_scale(trials) if SLOPE in search.knobs else _tries(search.name)
+        search.tries = _other_scale(trials) if SLOPE in search.knobs else _tries(trials, search.name, {})
     tell("each effect alone")
     fit_all(trials, [base, *singles], y)
     singles.sort(key=lambda search: _score(search, len(y)))
@@ -113,7 +113,7 @@ def explain(
                 f"{last.name}+{name}",
                 last.knobs + CAUSES[name].knobs_of(joint),
                 dict(last.state),
-                tries=tuple({**last.state, **values} for values in _tries(name)),
+                tries=_tries(trials, name, last.state),
             )
             for name in effects
             if name not in names
@@ -152,8 +152,14 @@ def explain(
     )
 
 
-def _tries(name: str) -> tuple[dict[str, float], ...]:
-    return STRUCTURES[name].tries if name in STRUCTURES else ()
+def _tries(trials: Trials, name: str, state: Mapping[str, float]) -> tuple[dict[str, float], ...]:
+    """Where the search for a structure begins, beside what `state` has."""
+    if name not in STRUCTURES:
+        return ()
+    f, tries = trials.follower, list(STRUCTURES[name].tries)
+    if guess := STRUCTURES[name].guess:
+        tries += guess(f.u, f.y, trials.rows([state])[0], f.log.Ts)
+    return tuple({**state, **values} for values in tries)
 
 
 def _drop_superfluous(trials: Trials, base: Search, searches: list[Search], y: np.ndarray) -> list[Search]:

@@ -11,6 +11,7 @@ from numba import njit
 
 from sysid.base.compiled import kernel
 from twin.plant import slots as s
+from twin.plant.added import DRAG, HOTTER, PUSH, RUB, WEAKER
 from twin.plant.electronics import angle_read, bounds, bus, driven, duty, move, servo, weigh
 
 # The mechanics, one number a place.
@@ -184,16 +185,25 @@ def _constraints(rows, c, soft, scales, place, v, w, length, arm, rubbed):
     return n
 
 
+@njit
+def _entry(row, x, low, span):
+    """The value at x of a table over low to low + span; those at its ends hold beyond."""
+    place = min(max((x - low) / span, 0.0), 1.0) * (len(row) - 1)
+    k = min(int(place), len(row) - 2)
+    return row[k] + (place - k) * (row[k + 1] - row[k])
+
+
 def _roll(mark):
     """The simulation, for boards whose first number is `mark`: numba keeps it by this file's age and by the mark."""
 
     @kernel
-    def roll(board, c, soft, q, commands, delay, hold, lead, out):
+    def roll(board, c, soft, q, commands, delay, hold, lead, out, added, spans):
         """Readings [rad] of the potentiometer in out (steps,), before each step; False for another layout of the board.
 
         `board` is user data of one joint, c (SIZE,) the mechanics, soft (3, 7) MuJoCo's parameters of the constraints,
         q the angle of the drive at the start. A command of `commands` (steps,) acts `delay` steps late; `hold` before,
-        also during `lead` steps that go before.
+        also during `lead` steps that go before. `added` (ROWS, n) and `spans` (4,) are of `twin.plant.added`; n is 0
+        for a drive without additions.
         """
         if board[s.MAGIC] != mark:
             return False
@@ -201,7 +211,7 @@ def _roll(mark):
         place, v, w, x, y = np.array([q, 0.0]), 0.0, 0.0, 0.0, 0.0
         rows, velocity = np.zeros((6, 5)), np.zeros(1)
         gear, rotor, per_volt = j[s.GEAR], j[s.INERTIA], j[s.CONSTANT] / j[s.RESISTANCE]
-        scales = _scales(c, rotor)
+        scales, changed, push, rub = _scales(c, rotor), added.shape[1] > 0, 0.0, 0.0
         for t in range(lead + len(out)):
             length, arm, bend = _drive(c, place[0])
             speed, turn, link = arm * v, v + c[PLAYS] * w, place[0] + c[PLAYS] * place[1]
@@ -219,8 +229,18 @@ def _roll(mark):
             board[s.BUS] = bus(board, 1, velocity)
             volts = driven(j, j[s.DUTY] * board[s.BUS])
             move(board, j)
+            if changed:
+                drag = _entry(added[DRAG], abs(speed), 0.0, spans[2])
+                push = _entry(added[PUSH], place[0], spans[0], spans[1]) - (drag if speed > 0.0 else -drag)
+                rub = gear * j[s.CONSTANT] / j[s.RESISTANCE] * _entry(added[RUB], place[0], spans[0], spans[1])
+                rising, falling = max(rising + rub, 0.0), max(falling + rub, 0.0)
+                now = max(t - lead, 0) * h
+                volts *= 1.0 - _entry(added[WEAKER], now, 0.0, spans[3])
+                hotter = 1.0 + _entry(added[HOTTER], now, 0.0, spans[3])
+                per_volt = j[s.CONSTANT] / j[s.RESISTANCE] / hotter
+                push *= hotter
             # Forces on the two hinges, and what the constraints add.
-            torque = per_volt * (volts - j[s.CONSTANT] * velocity[0])
+            torque = per_volt * (volts + push - j[s.CONSTANT] * velocity[0])
             weight = c[LINK_COS] * np.cos(link) + c[LINK_SIN] * np.sin(link)
             s1 = -weight - c[BEARING_VISCOUS] * turn
             s0 = s1 - c[LEVER_COS] * np.cos(place[0]) - c[LEVER_SIN] * np.sin(place[0]) - rotor * arm * bend * v * v
@@ -237,7 +257,7 @@ def _roll(mark):
             # The sensor, as in kernels.sense.
             j[s.GIVEN] = torque * gear
             if c[RUBS] > 0.0:
-                rising, falling = bounds(j, j[s.SPEED])
+                rising, falling = bounds(j, j[s.SPEED])  # `rub` acts alike in both directions
                 j[s.GIVEN] += force + 0.5 * (falling - rising)
             if t >= lead:
                 out[t - lead] = angle_read(j, place)

@@ -16,12 +16,9 @@ UNKNOWN = "not determined by this record"
 SMALLEST = f"{math.degrees(VISIBLE):g} deg"
 WORDS = {
     **{"end_low": "lower end stop", "end_high": "upper end stop", "slope": "sensor slope", "zero": "zero"},
-    **{"spring_time": "time constant of the spring", "spring_damping": "its damping ratio"},
-    **{"cable_stretch": "stretch", "cable_way": "way over which it stretches"},
-    **{"creep_end": "creep in the end", "creep_time": "its time constant"},
-    **{"wave_sine": "sine of the error", "wave_cosine": "cosine of the error"},
-    **{"wave_turns": "waves a turn of the joint", "give": "give per volt", "give_time": "its time constant"},
+    **{row.name: row.words for structure in STRUCTURES.values() for row in structure.rows},
 }
+_OUTSIDE = {name for structure in STRUCTURES.values() for name in structure.knobs}
 
 
 def sentences(result: Comparison, file: str) -> list[str]:
@@ -140,13 +137,14 @@ def _of_share(share: Share, k: int, verdict: Verdict) -> str:
 
 
 def _of_change(change: Change) -> str:
-    """A value that an effect moves: as the log has it, and as the twin has it."""
+    """A value that an effect moves: as the log has it, and as the twin has it, where it has one."""
     unit = display_quantity("", change.log.unit)
     twin, log = (number(unit.factor * value, 3) for value in (change.twin, change.log.value))
     span = interval(change.log, unit.factor, "")
     doubt = f"95 %: {span}" if span else UNKNOWN
     name = WORDS.get(change.name, change.name)
-    return f"{name} {log}{' ' + unit.unit if unit.unit else ''} ({doubt}) where the twin has {twin}"
+    beside = "" if change.name in _OUTSIDE else f" where the twin has {twin}"
+    return f"{name} {log}{' ' + unit.unit if unit.unit else ''} ({doubt}){beside}"
 
 
 def interval(value: Value | JointValue, factor: float, unknown: str, digits: int = 3) -> str:

@@ -18,8 +18,11 @@ def read(x: np.ndarray, u: np.ndarray, values: Mapping[str, float]) -> np.ndarra
 CREEP = structure(
     "creep",
     "a zero of the sensor that creeps",
-    (Knob(END, "rad", 0.0, -1.0, 1.0, 0.01), Knob(TIME, "s", 30.0, 1.0, 1000.0, 10.0)),
-    read,
+    (
+        Knob(END, "rad", 0.0, -1.0, 1.0, 0.01, words="creep in the end"),
+        Knob(TIME, "s", 30.0, 1.0, 1000.0, 10.0, words="its time constant"),
+    ),
     "--excitation sweep --set jitter=0.5,shrink=0.4",
     "a long run, after which the same run is repeated cold",
+    read=read,
 )

@@ -19,8 +19,11 @@ def read(x: np.ndarray, u: np.ndarray, values: Mapping[str, float]) -> np.ndarra
 GIVES = structure(
     "give",
     "a base or bearing that gives under the motor's force",
-    (Knob(GIVE, "rad/V", 0.0, -0.05, 0.05, 0.0005, (0.001, -0.001)), Knob(TIME, "s", 0.05, 0.002, 1.0, 0.03)),
-    read,
+    (
+        Knob(GIVE, "rad/V", 0.0, -0.05, 0.05, 0.0005, (0.001, -0.001), words="give per volt"),
+        Knob(TIME, "s", 0.05, 0.002, 1.0, 0.03, words="its time constant"),
+    ),
     "--excitation staircase --set amplitude=3,hold=0.5,steps=60",
     "voltages below those that move the joint",
+    read=read,
 )

@@ -35,10 +35,10 @@ HYSTERESIS = structure(
     "hysteresis",
     "a cable or belt that stretches with friction",
     (
-        Knob(STRETCH, "rad", 0.0, -0.2, 0.2, 0.005, (0.004, 0.02)),
-        Knob(WAY, "rad", 0.03, 1e-3, 0.5, 0.02, (0.07,)),
+        Knob(STRETCH, "rad", 0.0, -0.2, 0.2, 0.005, (0.004, 0.02), words="stretch"),
+        Knob(WAY, "rad", 0.03, 1e-3, 0.5, 0.02, (0.07,), words="way over which it stretches"),
     ),
-    read,
     "--excitation prbs --set amplitude=8",
     "many reversals in the middle of the stroke",
+    read=read,
 )

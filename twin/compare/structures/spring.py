@@ -29,11 +29,11 @@ SPRING = structure(
     "spring",
     "a link on a spring",
     (
-        Knob(TIME, "s", 0.0, 0.0, 0.5, 0.01),
-        Knob(DAMPING, "1", 0.1, 0.002, 1.0, 0.05),
+        Knob(TIME, "s", 0.0, 0.0, 0.5, 0.01, words="time constant of the spring"),
+        Knob(DAMPING, "1", 0.1, 0.002, 1.0, 0.05, words="its damping ratio"),
     ),
-    read,
     "--excitation prbs --ts 0.02",
     "fast switching at a short sampling time, after which a spring rings",
-    [{TIME: time, DAMPING: d} for time in np.geomspace(0.004, 0.2, 40).tolist() for d in (0.03, 0.1, 0.4)],
+    read=read,
+    tries=[{TIME: time, DAMPING: d} for time in np.geomspace(0.004, 0.2, 40).tolist() for d in (0.03, 0.1, 0.4)],
 )

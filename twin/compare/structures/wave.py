@@ -22,13 +22,13 @@ WAVE = structure(
     "wave",
     "a sensor off its centre",
     (
-        Knob(SINE, "rad", 0.0, -0.2, 0.2, 0.005),
-        Knob(COSINE, "rad", 0.0, -0.2, 0.2, 0.005),
-        Knob(TURNS, "1", 4.0, 0.8, 60.0, 1.0),
+        Knob(SINE, "rad", 0.0, -0.2, 0.2, 0.005, words="sine of the error"),
+        Knob(COSINE, "rad", 0.0, -0.2, 0.2, 0.005, words="cosine of the error"),
+        Knob(TURNS, "1", 4.0, 0.8, 60.0, 1.0, words="waves a turn of the joint"),
     ),
-    read,
     "--excitation staircase --set amplitude=7,hold=0.1,steps=120,order=stairs",
     "slow motion in both directions over the whole stroke",
+    read=read,
     # As the error is wrong a wave further on, a search does not find the number of waves from afar.
-    [{TURNS: k, name: size} for k in np.arange(1.0, 60.0) for name in (SINE, COSINE) for size in (0.003, -0.003)],
+    tries=[{TURNS: k, name: size} for k in np.arange(1.0, 60.0) for name in (SINE, COSINE) for size in (0.003, -0.003)],
 )
