@@ -15,6 +15,7 @@ from twin.hardware.potentiometer import SIDES
 from twin.parameters import REALISATIONS
 
 STEPS = 24  # of the progress bar; a search rarely has more
+RIVALS = 24  # further ones with several logs: searches with a value of its own in each
 JOINT = "thigh"  # where neither a joint nor a model is named
 
 
@@ -95,7 +96,8 @@ def calibrate(
 
     held_out = options.names(hold_out)
     logs = {file: twin.Log.load(file, map, joint) for file in (*files, *held_out)}
-    with run_folder(out, "calibrate") as (folder, scratch), console.progress(STEPS, lines=not as_json) as step:
+    steps = STEPS + RIVALS * (len(files) > 1)
+    with run_folder(out, "calibrate") as (folder, scratch), console.progress(steps, lines=not as_json) as step:
         result = run(
             [logs[file] for file in files],
             joint,
