@@ -49,7 +49,7 @@ def knobs(p: Parameters, joint: str, angle: float, largest: float) -> dict[str, 
         # An end may move past the other joint angle's bounds; the linkage says what it can reach.
         Knob(END_LOW, "rad", low, low - 0.3, high - 0.1, 0.02, (-0.03, 0.03, 0.09)),
         Knob(END_HIGH, "rad", high, low + 0.1, high + 0.3, 0.02, (-0.09, -0.03, 0.03)),
-        _row(f"{joint}.coulomb", p, 0.15 * dry, (-0.4 * dry, -0.2 * dry, 0.2 * dry, 0.45 * dry, 0.9 * dry)),
+        _row(f"{joint}.coulomb", p, 0.15 * dry, tuple(k * dry for k in (-0.4, -0.2, -0.1, 0.1, 0.2, 0.45, 0.9))),
         _row(f"{joint}.asymmetry", p, 0.1, (-0.35, -0.15, 0.15, 0.35)),
         _row(f"{joint}.stribeck", p, 0.2),
         _row(f"{joint}.backlash", p, 0.005, (-0.006, 0.01, 0.03)),

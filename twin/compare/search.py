@@ -97,6 +97,7 @@ _DAMPED = (0.1, 10.0)  # times the current damping: tried together
 _LARGEST, _SMALLEST = 0.5, 0.05  # step of a finite difference, in typical changes of a knob
 _ENOUGH = 1.0  # a search ends when N times the relative fall of the cost is below this
 _SETTLED = 1.15  # times the noise: a search that ends below this has found what there is
+_AGAIN, _NEAR = 3, 4.0  # further searches, for those within this factor of the least mean square error
 
 
 @dataclass
@@ -117,6 +118,7 @@ class Search:
     tries: tuple[dict[str, float], ...] = ()
     expected: Mapping[str, float] = field(default_factory=dict)  # how far knobs may be from nominal, standard deviation
     noise: float = 0.0  # variance of the noise, against which `expected` counts
+    others: list[dict[str, float]] = field(default_factory=list)  # places that were tried first, the better ones first
 
     @property
     def free(self) -> tuple[str, ...]:
@@ -163,18 +165,25 @@ def _advance(trials: Trials, searches: Sequence[Search], y: np.ndarray, rounds: 
 
 
 def restart(trials: Trials, searches: Sequence[Search], y: np.ndarray, noise: float, rounds: int = ROUNDS) -> None:
-    """Search again from the nominal values where a search stopped well above the noise [rad^2]; the better one stays.
+    """Search again where a search stopped well above the noise [rad^2]; the better one stays.
 
-    A joint that sticks or does not stick at some voltage makes valleys that a Gauss-Newton step does not leave.
+    A joint that sticks or does not stick at some voltage makes valleys that a Gauss-Newton step does not leave. Each
+    begins at the nominal values once more, and those near the best one at other places that were tried first.
     """
-    stragglers = [search for search in searches if search.cost > _SETTLED * noise]
-    fresh = [Search(search.name, search.knobs) for search in stragglers]
+    _search_from(trials, [(search, {}) for search in searches if search.cost > _SETTLED * noise], y, rounds)
+    for k in range(_AGAIN):
+        limit = _NEAR * min(search.cost for search in searches)
+        near = [search for search in searches if _SETTLED * noise < search.cost < limit and k < len(search.others)]
+        _search_from(trials, [(search, search.others[k]) for search in near], y, rounds)
+
+
+def _search_from(trials: Trials, places: Sequence[tuple[Search, dict[str, float]]], y: np.ndarray, rounds: int) -> None:
+    """Search again from a place for each of some searches, which take over what is better."""
+    fresh = [Search(search.name, search.knobs, dict(place)) for search, place in places]
     if not fresh:
         return
-    for search, cost in zip(fresh, _costs(trials, [{}] * len(fresh), y), strict=True):
-        search.cost = float(cost)
-    _advance(trials, fresh, y, rounds)
-    for search, rival in zip(stragglers, fresh, strict=True):
+    best_of(trials, fresh, y, rounds)
+    for (search, _), rival in zip(places, fresh, strict=True):
         if rival.cost < search.cost:
             search.state, search.cost, search.last = rival.state, rival.cost, rival.last
 
@@ -222,9 +231,12 @@ def _scan(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> None:
             for change in knob.first:
                 states.append({**search.state, name: float(np.clip(value + change, knob.lower, knob.upper))})
                 owners.append(search)
-    for search, state, cost in zip(owners, states, _costs(trials, states, y), strict=True):
-        if cost < search.cost:
-            search.state, search.cost = state, cost
+    costs = _costs(trials, states, y)
+    for search in searches:
+        mine = sorted((k for k in range(len(states)) if owners[k] is search), key=lambda k: costs[k])
+        search.others = [states[k] for k in mine[1:]]
+        if costs[mine[0]] < search.cost:
+            search.state, search.cost = states[mine[0]], float(costs[mine[0]])
 
 
 def _proposals(
