@@ -1,5 +1,6 @@
 """A fit of given parameters, and its exported files at work: compiled or executed, run over a record."""
 
+import ctypes
 import shutil
 import subprocess
 
@@ -12,6 +13,23 @@ from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
+
+STRICT = ("-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
+# What is put behind NAME.c, so that Python can drive it: a run of N samples with these parameters (all, in order).
+DRIVER = """
+int drive(const REAL *values, const REAL *u, REAL *y, int n);
+int drive(const REAL *values, const REAL *u, REAL *y, int n)
+{{
+    {name}_params p = {name}_fit;
+    {name}_state s;
+    if (values) memcpy(&p, values, sizeof p);
+    {name}_init(&s, &p);
+    for (int t = 0; t < n; ++t) {{
+        {step}
+    }}
+    return (int)(sizeof p / sizeof(REAL)) + 1000 * (int)(sizeof s / sizeof(REAL));
+}}
+"""
 
 
 def made(chain, theta):
@@ -47,15 +65,41 @@ def python_run(fit, u, **scale):
     return np.array(python_space(fit, **scale)["simulate"](np.asarray(u).tolist()))
 
 
-def c_run(fit, u, folder, name="model", **scale):
-    """Compile without a single warning, feed u as text, read y back; skips where there is no C compiler."""
+def compiler():
+    """A C compiler; the test is skipped where there is none."""
     cc = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
-    if cc is None:
-        pytest.skip("no C compiler (cc, gcc, clang) on this machine")
-    file = export_c.write(fit, folder / "exported.c", name, **scale)
-    strict = ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
-    subprocess.run([cc, *strict, f"-D{name.upper()}_MAIN", file, "-o", folder / "run", "-lm"], check=True)
-    text = "\n".join(" ".join(repr(float(v)) for v in np.atleast_1d(row)) for row in u)
-    done = subprocess.run([folder / "run"], input=text, capture_output=True, text=True, check=True)
-    y = np.array([[float(v) for v in line.split()] for line in done.stdout.splitlines()])
-    return y[:, 0] if y.shape[1] == 1 else y
+    return cc or pytest.skip("no C compiler (cc, gcc, clang) on this machine")
+
+
+class Compiled:
+    """The exported C, compiled without a single warning."""
+
+    def __init__(self, fit, folder, name="model", single=False, **scale):
+        file = export_c.write(fit, folder / f"{name}.c", single, **scale)
+        self.source = export_c.written_source(fit, name, single, **scale)
+        self.channels = (1, 1) if not hasattr(fit.model, "channels") else fit.model.channels
+        self.real = np.float32 if single else np.float64
+        step = f"y[t] = {name}_step(&s, &p, u[t]);"
+        if self.channels != (1, 1):
+            step = f"{name}_step(&s, &p, u + {self.channels[0]} * t, y + {self.channels[1]} * t);"
+        text = file.read_text(encoding="utf-8") + DRIVER.format(name=name, step=step)
+        (folder / "driven.c").write_text(text, encoding="utf-8")
+        real = f"-DREAL={'float' if single else 'double'}"
+        command = [compiler(), "-std=c99", *STRICT, real, "-shared", "-fPIC", folder / "driven.c"]
+        subprocess.run([*command, "-o", folder / "driven.so", "-lm"], check=True)
+        self.library = ctypes.CDLL(str(folder / "driven.so"))
+
+    def run(self, u, values=None):
+        """y of u, from the fit's parameters or from these, in the order of the struct."""
+        u = np.ascontiguousarray(u, self.real)
+        y = np.empty((len(u), self.channels[1]), self.real)
+        given = None if values is None else np.ascontiguousarray(values, self.real)
+        place = [None if a is None else ctypes.c_void_p(a.ctypes.data) for a in (given, u, y)]
+        sizes = self.library.drive(*place, len(u))
+        assert sizes == len(self.source.parameters) + 1000 * len(self.source.states)
+        return y[:, 0] if y.shape[1] == 1 else y
+
+
+def c_run(fit, u, folder, name="model", **scale):
+    """Compile, and run over u; skips where there is no C compiler."""
+    return Compiled(fit, folder, name, **scale).run(u)

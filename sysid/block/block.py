@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.block.symmetry import Symmetry
-from sysid.block.writing import Code, Writer
+from sysid.block.writing import CCode, Code, Writer
 
 
 @dataclass(frozen=True)
@@ -178,12 +178,14 @@ class Block(ABC):
         """Another start near theta for the multi-start."""
         return theta
 
-    def c(self, theta: np.ndarray) -> Code:
-        """C99 code of this block with these numbers, for `export_c`; raises InputError if the block has none."""
+    def c(self, theta: np.ndarray) -> CCode:
+        """C99 code of this block, for `export_c`; theta says only how far it must look back. Raises InputError if the
+        block has none.
+        """
         raise NotImplementedError
 
     def python(self, theta: np.ndarray) -> Code:
-        """The same in Python, for `export_python`."""
+        """Python code of this block with these numbers, for `export_python`."""
         raise NotImplementedError
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:

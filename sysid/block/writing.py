@@ -1,5 +1,6 @@
 """Output of a block for exports: code of an exported function, and names and numbers of an equation."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +17,26 @@ class Code:
     state: int = 0
     tables: dict[str, np.ndarray] = field(default_factory=dict)
     start: dict[str, float] = field(default_factory=dict)
-    channels: tuple[int, int] = (1, 1)  # of several, `x` is an array, and so is what comes out (`y` in C)
+    channels: tuple[int, int] = (1, 1)  # of several, `x` is an array, and so is what comes out
+
+
+@dataclass(frozen=True)
+class CCode:
+    """Body of a C99 function of `x`, of a struct `s` of states and a struct `p` of parameters.
+
+    Both structs have fields of doubles: `states` by length (0: one number), `fields` by the position in theta (a tuple:
+    an array). `begin` sets the states that do not start at zero. `feeds` says whether the output hangs on the input of
+    the same sample, `limits` the largest value that memory has room for, by the position of the parameter.
+    """
+
+    body: str
+    states: Mapping[str, int] = field(default_factory=dict)
+    fields: Mapping[str, int | tuple[int, ...]] = field(default_factory=dict)
+    begin: str = ""
+    tables: Mapping[str, np.ndarray] = field(default_factory=dict)
+    channels: tuple[int, int] = (1, 1)  # of several, `x` and `y` are arrays
+    feeds: bool = True
+    limits: Mapping[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -4,43 +4,45 @@ from typing import Any
 
 import numpy as np
 
-from sysid.block.writing import Code, Writer, number
+from sysid.block.writing import CCode, Code, Writer, number
 
 
-def c(block: Any, theta: np.ndarray) -> Code:
+def c(block: Any) -> CCode:
     """One sample: the outputs, then the state."""
     nx, nu, ny, units, n = block.nx, block.nu, block.ny, block.units, block.features
     one = block.channels == (1, 1)
     inputs = ", ".join(_scale_text(block, "x" if one else "x[{}]"))
-    lines = [f"const double u[{nu}] = {{{inputs}}};", f"double z[{ny}], next[{nx}];"]
+    lines = [f"const double u[{nu}] = {{{inputs}}};", f"double z[{ny}];", f"double next[{nx}];"]
     if n:
         lines.append(f"double f[{n}];")
     if units:
         lines += [
             f"for (int k = 0; k < {units}; ++k) {{",
-            "    double v = b[k];",
-            f"    for (int j = 0; j < {nx}; ++j) v += W[{nx} * k + j] * s[j];",
-            f"    for (int j = 0; j < {nu}; ++j) v += V[{nu} * k + j] * u[j];",
-            "    f[k] = tanh(v) - b0[k];",
+            "    double v = p->b[k];",
+            f"    for (int j = 0; j < {nx}; ++j) v += p->W[{nx} * k + j] * s->state[j];",
+            f"    for (int j = 0; j < {nu}; ++j) v += p->V[{nu} * k + j] * u[j];",
+            "    f[k] = tanh(v) - tanh(p->b[k]);",
             "}",
         ]
-    lines += [f"f[{units + k}] = {v};" for k, v in enumerate(_monomials(block))]
+    lines += [f"f[{units + k}] = {v};" for k, v in enumerate(_monomials(block, "s->state"))]
     for to, first, rows, (own, through, more) in (
-        ("z", "d[i]", ny, ("C", "D", "F" if block.readout and n else "")),
+        ("z", "p->d[i]", ny, ("C", "D", "F" if block.readout and n else "")),
         ("next", "0.0", nx, ("A", "B", "E" if n else "")),
     ):
         lines += [
             f"for (int i = 0; i < {rows}; ++i) {{",
             f"    {to}[i] = {first};",
-            f"    for (int j = 0; j < {nu}; ++j) {to}[i] += {through}[{nu} * i + j] * u[j];",
-            f"    for (int j = 0; j < {nx}; ++j) {to}[i] += {own}[{nx} * i + j] * s[j];",
-            *([f"    for (int k = 0; k < {n}; ++k) {to}[i] += {more}[{n} * i + k] * f[k];"] if more else []),
+            f"    for (int j = 0; j < {nu}; ++j) {to}[i] += p->{through}[{nu} * i + j] * u[j];",
+            f"    for (int j = 0; j < {nx}; ++j) {to}[i] += p->{own}[{nx} * i + j] * s->state[j];",
+            *([f"    for (int k = 0; k < {n}; ++k) {to}[i] += p->{more}[{n} * i + k] * f[k];"] if more else []),
             "}",
         ]
-    lines.append(f"for (int i = 0; i < {nx}; ++i) s[i] = next[i];")
+    lines.append(f"for (int i = 0; i < {nx}; ++i) s->state[i] = next[i];")
     outputs = _outputs(block)
     lines += [f"return {outputs[0]};"] if one else [f"y[{j}] = {value};" for j, value in enumerate(outputs)]
-    return Code("\n".join(lines), nx, _tables(block, theta), channels=block.channels)
+    fields = {name: tuple(range(at.start, at.stop)) for name, at in block.places.items() if at.stop > at.start}
+    fields.pop("x0")  # a new run begins at rest
+    return CCode("\n".join(lines), {"state": nx}, fields, channels=block.channels)
 
 
 def python(block: Any, theta: np.ndarray) -> Code:
@@ -105,9 +107,9 @@ def _outputs(block: Any) -> list[str]:
     return [f"{number(c)} + ({number(s)}) * z[{j}]" for j, (c, s) in enumerate(zip(y0, ys, strict=True))]
 
 
-def _monomials(block: Any) -> list[str]:
+def _monomials(block: Any, states: str = "s") -> list[str]:
     """Each monomial as a product in code."""
-    names = [*(f"s[{i}]" for i in range(block.nx)), *(f"u[{j}]" for j in range(block.nu))]
+    names = [*(f"{states}[{i}]" for i in range(block.nx)), *(f"u[{j}]" for j in range(block.nu))]
     return [" * ".join(n for n, k in zip(names, row, strict=True) for _ in range(k)) for row in block.powers.tolist()]
 
 

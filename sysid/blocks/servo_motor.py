@@ -10,7 +10,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot
 from sysid.block.step import ago, floor
 from sysid.block.symmetry import Symmetry
-from sysid.block.writing import Code, Writer
+from sysid.block.writing import CCode, Code, Writer
 from sysid.blocks.motor import Motor, stretch
 from sysid.motor_parts import TABLE
 
@@ -196,7 +196,7 @@ class ServoMotor(Motor):
         spread = np.array([0.5 * (slot.name in ("kp", "kd", "ki")) for slot in self.slots()])
         return super().vary(theta, rng) * np.exp(spread * rng.normal(size=len(theta)))
 
-    def c(self, theta: np.ndarray) -> Code:
+    def c(self, theta: np.ndarray) -> CCode:
         self._check_export()
         return super().c(theta)
 

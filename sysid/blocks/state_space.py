@@ -11,7 +11,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Block, Law, Slot
 from sysid.block.symmetry import Symmetry, direction
-from sysid.block.writing import Code, Writer
+from sysid.block.writing import CCode, Code, Writer
 from sysid.blocks import _state_space_text as text
 
 _CIRCLE = 1.0 + 1e-9  # eigenvalues of A up to here: an integrator is allowed, but for rounding
@@ -335,8 +335,8 @@ class StateSpace(Block):
         matrices = m._replace(E=0 * m.E, F=0 * m.F, W=W * slope[:, None], V=V * slope[:, None])
         return self.joined(matrices._replace(b=rng.uniform(-1.0, 1.0, self.units)))
 
-    def c(self, theta: np.ndarray) -> Code:
-        return text.c(self, theta)
+    def c(self, theta: np.ndarray) -> CCode:
+        return text.c(self)
 
     def python(self, theta: np.ndarray) -> Code:
         return text.python(self, theta)

@@ -9,7 +9,7 @@ from sysid.base.errors import InputError
 from sysid.base.poles import ROUNDING, monic
 from sysid.block.block import Block, Law, Piecewise, Slot
 from sysid.block.symmetry import Symmetry
-from sysid.block.writing import Code, Writer, number
+from sysid.block.writing import CCode, Code, Writer, number
 
 _CLUSTER = 1e-6  # a double integrator's computed poles stand about this far from 1, inside or outside
 _NOTHING = 1e-200  # smaller remnants of an initial state become zero: denormal numbers are slow
@@ -148,16 +148,22 @@ class TransferFunction(Block):
     def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
         return _PieceFilter(self, theta, q, P)
 
-    def c(self, theta: np.ndarray) -> Code:
-        B, F = self.padded(theta)
-        n = self.n_state
+    def c(self, theta: np.ndarray) -> CCode:
+        """Transposed direct form II in the order of the library's own kernel, so that rounding agrees too."""
+        n, nb, nf, nk = self.n_state, self.nb, self.nf, self.nk
+        fields: dict[str, int | tuple[int, ...]] = {"b": tuple(range(nb))}
+        fields |= {"f": tuple(range(nb, nb + nf))} if nf else {}
         if n == 0:
-            return Code(f"return {number(B[0])} * x;")
-        # Transposed direct form II in the order of the library's own kernel, so that rounding agrees too.
-        body = f"""const double y = s[0] + B[0] * x;
-for (int i = 0; i < {n}; ++i) s[i] = s[i + 1] + B[i + 1] * x - F[i] * y;
-return y;"""
-        return Code(body, n + 1, {"B": B, "F": F[1:]})
+            return CCode("return p->b[0] * x;", fields=fields)
+        now, first = (" + p->b[0] * x", 1) if nk == 0 else ("", 0)
+        lines = [f"const double y = s->past[0]{now};"]
+        lines += [f"for (int i = 0; i < {n - 1}; ++i) s->past[i] = s->past[i + 1];"] if n > 1 else []
+        lines.append(f"s->past[{n - 1}] = 0.0;")
+        places = f"i + {nk - 1}" if nk > 1 else "i" if nk == 1 else "i - 1"
+        if first < nb:
+            lines.append(f"for (int i = {first}; i < {nb}; ++i) s->past[{places}] += p->b[i] * x;")
+        lines += [f"for (int i = 0; i < {nf}; ++i) s->past[i] -= p->f[i] * y;"] if nf else []
+        return CCode("\n".join([*lines, "return y;"]), {"past": n}, fields, feeds=nk == 0)
 
     def python(self, theta: np.ndarray) -> Code:
         B, F = self.padded(theta)

@@ -35,7 +35,7 @@ def source(fit: AnyFit, name: str = "model", u_offset: Offset = None, y_offset: 
     identifier(name)
     if name in TAKEN:
         raise InputError(f"{name!r} has a meaning in MATLAB; give another name")
-    exported, (n_in, n_out) = program(fit, "python", u_offset, y_offset), channel_counts(fit)
+    exported, (n_in, n_out) = program(fit, u_offset, y_offset), channel_counts(fit)
     form = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().split("\n")
     states = [_state(unit, code) for unit, code in exported.codes.items() if code.state]
     parts = [
@@ -90,7 +90,7 @@ def _function(unit: str, code: Code) -> str:
     return "\n".join([head, *tables, *(f"    {line}" for line in matlab(code.body)), "end"])
 
 
-def _steps(name: str, exported: Program) -> list[str]:
+def _steps(name: str, exported: Program[Code]) -> list[str]:
     signals = [_minus_offset(f"u({i})", offset) for i, offset in enumerate(exported.u_offset, 1)]
     lines: list[str] = []
     for k, layer in enumerate(exported.layers, 1):

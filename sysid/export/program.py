@@ -1,17 +1,18 @@
 """A fit as the exporters take it, a program: units with their code, wired from input to output, and offsets of levels.
 
-A nonlinear ARX network is one unit: the same text in C99 and Python, and its equations. Its state: the last na outputs
-and the last nk + nb - 1 inputs, latest first, and 1 after the run has diverged. A new run starts from zeros, as
+A nonlinear ARX network is one unit: its text in C99 and Python, and its equations. Its state: the last na outputs and
+the last nk + nb - 1 inputs, latest first, and 1 after the run has diverged. A new run starts from zeros, as
 `NlarxFit.simulate` does for an input alone.
 """
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.block.writing import Code, Writer, number
+from sysid.block.block import Slot
+from sysid.block.writing import CCode, Code, Writer, number
 from sysid.estimation.free_run import resting_theta
 from sysid.estimation.result import Fit
 from sysid.model.wiring import Layer, Unit, layers, offsets, written
@@ -20,28 +21,39 @@ from sysid.nlarx.result import NlarxFit
 AnyFit = Fit | NlarxFit
 Offset = float | np.ndarray | None
 NETWORK = "network"
+C = TypeVar("C", Code, CCode)
 
 
 @dataclass(frozen=True)
-class Program:
+class Program(Generic[C]):
     """Layers of units, the code of each unit by its name, and what is taken off u (nu,) and put on y (ny,)."""
 
     layers: tuple[Layer, ...]
-    codes: dict[str, Code]
+    codes: dict[str, C]
     u_offset: np.ndarray
     y_offset: np.ndarray
 
 
-def program(fit: AnyFit, way: str, u_offset: Offset = None, y_offset: Offset = None) -> Program:
-    """The fit in `way`, "c" or "python"; offsets are those of the fit unless others are given.
+def program(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> Program[Code]:
+    """The fit in Python; offsets are those of the fit unless others are given.
 
     Raises InputError for a block without a formula, and for numbers that are not finite.
     """
+    return _program(fit, "python", u_offset, y_offset)
+
+
+def c_program(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> Program[CCode]:
+    """The same in C99."""
+    return _program(fit, "c", u_offset, y_offset)
+
+
+def _program(fit: AnyFit, way: str, u_offset: Offset, y_offset: Offset) -> Program[Any]:
     u0, y0 = level_offsets(fit, u_offset, y_offset)
     if isinstance(fit, NlarxFit):
         if not network_is_finite(fit):
             raise InputError("a parameter of this model is not finite; fit it again before writing it out")
-        return Program(network_layers(fit), {NETWORK: network_code(fit, way)}, u0, y0)
+        code = _network_in_c(fit) if way == "c" else _network_in_python(fit)
+        return Program(network_layers(fit), {NETWORK: code}, u0, y0)
     fit_layers = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
     codes = {u.name: written(u, way)(u.theta) for layer in fit_layers for row in layer for u, _ in row}
     return Program(fit_layers, codes, u0, y0)
@@ -65,45 +77,45 @@ def channel_counts(fit: AnyFit) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class _NetworkBlock:
-    """What the wiring asks of a block."""
+    """What the wiring and C ask of a block."""
 
+    names: tuple[str, ...]
     channels: tuple[int, int] = (1, 1)
+
+    def slots(self) -> tuple[Slot, ...]:
+        return tuple(Slot(name) for name in self.names)
 
 
 def network_layers(fit: NlarxFit) -> tuple[Layer, ...]:
     """The network as a chain of one unit."""
-    return ((((Unit(NETWORK, cast(Any, _NetworkBlock()), fit.theta), 0),),),)
+    return ((((Unit(NETWORK, cast(Any, _NetworkBlock(fit.network.names)), fit.theta), 0),),),)
 
 
-def network_code(fit: NlarxFit, way: str) -> Code:
-    """Body of the exported function of x in `way`, "c" or "python"."""
-    model, network = fit.model, fit.network
-    past = model.nk + model.nb - 1 if model.nb else 0
-    lines = (_network_in_c if way == "c" else _network_in_python)(fit, _regressors(fit), model.na, past)
-    tables = {"L": fit.theta[1 : 1 + network.n]}
-    if network.units and network.m:
-        units = fit.theta[1 + network.n :].reshape(network.units, network.m + 2)
-        tables |= {"T": network.T.ravel(), "S": units[:, 0], "B": units[:, 1], "C": units[:, 2:].ravel()}
-    return Code("\n".join(lines), model.na + past + 1, tables)
+def _past(fit: NlarxFit) -> int:
+    """Number of inputs that are kept."""
+    return fit.model.nk + fit.model.nb - 1 if fit.model.nb else 0
 
 
-def _regressors(fit: NlarxFit) -> list[str]:
+def _regressors(fit: NlarxFit, past_y: list[str], past_u: list[str]) -> list[str]:
     """Each regressor less its mean."""
     model = fit.model
-    names = [f"s[{i}]" for i in range(model.na)]
-    names += [f"s[{model.na + lag - 1}]" if lag else "x" for lag in range(model.nk, model.nk + model.nb)]
+    names = past_y + [past_u[lag - 1] if lag else "x" for lag in range(model.nk, model.nk + model.nb)]
     return [f"{name} - ({number(mu)})" for name, mu in zip(names, fit.network.mu, strict=True)]
 
 
-def _network_in_python(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
-    n, m, units = fit.network.n, fit.network.m, fit.network.units
+def _network_in_python(fit: NlarxFit) -> Code:
+    n, m, units, na, past = fit.network.n, fit.network.m, fit.network.units, fit.model.na, _past(fit)
+    tables = {"L": fit.theta[1 : 1 + n]}
+    kept = [f"s[{i}]" for i in range(na + past)]
     lines = [
-        f"d = [{', '.join(regressors)}]",
+        f"d = [{', '.join(_regressors(fit, kept[:na], kept[na:]))}]",
         f"y = {number(fit.theta[0])}",
         f"for i in range({n}):",
         "    y = y + L[i] * d[i]",
     ]
     if units and m:
+        shapes = fit.theta[1 + n :].reshape(units, m + 2)
+        tables |= {"T": fit.network.T.ravel(), "S": shapes[:, 0], "B": shapes[:, 1], "C": shapes[:, 2:].ravel()}
         lines += [
             f"c = [0.0] * {m}",
             f"for j in range({m}):",
@@ -126,41 +138,53 @@ def _network_in_python(fit: NlarxFit, regressors: list[str], na: int, past: int)
     ]
     lines += [f"s[0:{na}] = [y] + s[0:{na - 1}]"] if na else []
     lines += [f"s[{na}:{na + past}] = [x] + s[{na}:{na + past - 1}]"] if past else []
-    return [*lines, "return y"]
+    return Code("\n".join([*lines, "return y"]), na + past + 1, tables)
 
 
-def _network_in_c(fit: NlarxFit, regressors: list[str], na: int, past: int) -> list[str]:
-    n, m, units = fit.network.n, fit.network.m, fit.network.units
+def _network_in_c(fit: NlarxFit) -> CCode:
+    n, m, units, na, past = fit.network.n, fit.network.m, fit.network.units, fit.model.na, _past(fit)
+    fields: dict[str, int | tuple[int, ...]] = {"y0": 0, "L": tuple(range(1, 1 + n))}
+    tables = {}
+    past_y, past_u = [f"s->past_y[{i}]" for i in range(na)], [f"s->past_u[{i}]" for i in range(past)]
     lines = [
-        f"const double d[{n}] = {{{', '.join(regressors)}}};",
-        f"double y = {number(fit.theta[0])};",
-        f"for (int i = 0; i < {n}; ++i) y += L[i] * d[i];",
+        f"const double d[{n}] = {{{', '.join(_regressors(fit, past_y, past_u))}}};",
+        "double y = p->y0;",
+        f"for (int i = 0; i < {n}; ++i) y += p->L[i] * d[i];",
     ]
     if units and m:
+        at = np.arange(1 + n, len(fit.theta)).reshape(units, m + 2)
+        fields |= {name: tuple(part.ravel().tolist()) for name, part in zip("SBC", np.split(at, [1, 2], 1), strict=True)}
+        tables["T"] = fit.network.T.ravel()
+        wavelets = fit.network.wavelets
         lines += [
-            f"double c[{m}] = {{0.0}};",
-            f"for (int j = 0; j < {m}; ++j)",
+            f"double c[{m}];",
+            f"for (int j = 0; j < {m}; ++j) {{",
+            "    c[j] = 0.0;",
             f"    for (int i = 0; i < {n}; ++i) c[j] += T[{n} * j + i] * d[i];",
+            "}",
             f"for (int k = 0; k < {units}; ++k) {{",
             "    double z = 0.0;",
-            f"    for (int j = 0; j < {m}; ++j) z += (c[j] - C[{m} * k + j]) * (c[j] - C[{m} * k + j]);",
-            "    z = B[k] * B[k] * z;",
+            f"    for (int j = 0; j < {m}; ++j) z += (c[j] - p->C[{m} * k + j]) * (c[j] - p->C[{m} * k + j]);",
+            "    z = p->B[k] * p->B[k] * z;",
             "    double g = exp(-0.5 * z);",
-            f"    if (k < {fit.network.wavelets}) g = ({m} - z) * g; /* wavelets, then scaling functions */",
-            "    y += S[k] * g;",
+            *([f"    if (k < {wavelets}) g = ({m}.0 - z) * g; /* wavelets, then scaling functions */"] if wavelets else []),
+            "    y += p->S[k] * g;",
             "}",
         ]
     lines += [
-        f"if (s[{na + past}] != 0.0 || !(fabs(y) <= {number(fit.limit)})) {{ /* the run has diverged */",
-        f"    s[{na + past}] = 1.0;",
-        "    y = INFINITY;",
+        f"if (s->diverged != 0.0 || !(fabs(y) <= {number(fit.limit)})) {{",
+        "    s->diverged = 1.0;",
+        "    y = HUGE_VAL;",
         "}",
     ]
-    for first, count, value in ((0, na, "y"), (na, past, "x")):
+    for name, count, value in (("past_y", na, "y"), ("past_u", past, "x")):
         if count > 1:
-            lines.append(f"for (int i = {first + count - 1}; i > {first}; --i) s[i] = s[i - 1];")
-        lines += [f"s[{first}] = {value};"] if count else []
-    return [*([] if "x" in " ".join(regressors) or past else ["(void)x;"]), *lines, "return y;"]
+            lines.append(f"for (int i = {count - 1}; i > 0; --i) s->{name}[i] = s->{name}[i - 1];")
+        lines += [f"s->{name}[0] = {value};"] if count else []
+    states = {"diverged": 0} | {name: k for name, k in (("past_y", na), ("past_u", past)) if k}
+    feeds = bool(fit.model.nb) and fit.model.nk == 0
+    unread = [] if feeds or past else ["(void)x;"]
+    return CCode("\n".join([*unread, *lines, "return y;"]), states, fields, tables=tables, feeds=feeds)
 
 
 def network_equations(fit: NlarxFit, digits: int | None) -> list[str]:

@@ -29,7 +29,7 @@ def source(fit: AnyFit, u_offset: Offset = None, y_offset: Offset = None) -> str
     knows it. Run as a program it reads u from standard input, one sample per line, and prints y. Raises InputError for
     a block without a formula.
     """
-    whole_fit = program(fit, "python", u_offset, y_offset)
+    whole_fit = program(fit, u_offset, y_offset)
     n_in, n_out = channel_counts(fit)
     codes, form = whole_fit.codes, closed_form.text(fit, u_offset=u_offset, y_offset=y_offset)
     comment = "\n".join(f"# {line}".rstrip() for line in form.rstrip().split("\n"))

@@ -37,7 +37,7 @@ Env = dict[Var, Num]
 def specialise(
     program: Program, params: Mapping[str, float], rows: Mapping[str, np.ndarray], structure: Mapping[str, float]
 ) -> Program:
-    """The program of one block with one theta: parameters become numbers; indexed rows stay."""
+    """The program of one block: parameters that have a number here become it; others stay, and so do indexed rows."""
     folder = _Folder(params, rows, structure)
     while True:
         folder.reads = _reads((*program.begin, *program.step))
@@ -73,9 +73,9 @@ class _Folder:
         if isinstance(e, Const):
             return Num(self.structure[e.name])
         if isinstance(e, Param) and e.index is None:
-            return Num(float(self.params[e.name]))
+            return Num(float(self.params[e.name])) if e.name in self.params else e
         e = rebuilt(e, lambda a: self.expr(a, env))
-        if isinstance(e, Param) and isinstance(e.index, Num):
+        if isinstance(e, Param) and isinstance(e.index, Num) and e.name in self.rows:
             row = self.rows[e.name]  # an index beyond it is kept within, as in the kernels
             return Num(float(row[min(max(int(e.index.value), 0), len(row) - 1)]))
         return simple(e) if isinstance(e, Op) else e

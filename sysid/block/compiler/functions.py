@@ -64,10 +64,10 @@ FUNCTIONS = {
         abs, "1.0 if {a} > 0.0 else (-1.0 if {a} < 0.0 else 0.0)", python="abs({})", c="fabs({})", matlab="abs"
     ),
     "int": Function(int, _NONE, python="int({})", c="(long long)({})", matlab="fix"),
-    "min": Function(min, python="min({})", c="fmin({})", matlab="min"),
-    "max": Function(max, python="max({})", c="fmax({})", matlab="max"),
+    "min": Function(min, python="min({})", c="min_of({})", matlab="min"),
+    "max": Function(max, python="max({})", c="max_of({})", matlab="max"),
 }
 FLAT = {name for name, f in FUNCTIONS.items() if f.slope == _NONE} | {"and", "or", "not", *COMPARISONS}
 KERNEL = "\n".join(f.kernel for f in FUNCTIONS.values() if f.kernel)  # the head of every kernel
-EXPORTED = set(re.findall(r"[a-z]+", " ".join(f.python + f.c for f in FUNCTIONS.values())))  # names for no variable
+EXPORTED = set(re.findall(r"[a-z_]+", " ".join(f.python + f.c for f in FUNCTIONS.values())))  # names for no variable
 MATLAB = {f.python.partition("(")[0]: f.matlab for f in FUNCTIONS.values() if f.matlab}  # by the call in Python

@@ -20,7 +20,7 @@ from sysid.base.errors import InputError
 from sysid.block.block import Block, StaticBlock
 from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.kernel import kernels
-from sysid.block.writing import Code, Writer
+from sysid.block.writing import CCode, Code, Writer
 
 if TYPE_CHECKING:
     from sysid.block.compiler.ir import Program
@@ -120,13 +120,17 @@ class Written(Block):
     functions: ClassVar[Mapping[str, Callable]] = MappingProxyType({})
     absent: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
-    def c(self, theta: np.ndarray) -> Code:
-        from sysid.block.compiler.languages import c
+    def c(self, theta: np.ndarray) -> CCode:
+        from sysid.block.compiler.c_text import Affine, c
 
-        return c(*self._numbers(theta))
+        program = self.program()
+        base, *ahead = (self.numbers(row) for row in np.eye(len(theta) + 1, len(theta), -1))
+        scalars, rows = ({k: (v, _slopes([n[j][k] for n in ahead], v)) for k, v in base[j].items()} for j in (0, 1))
+        structure = {name: getattr(self, name) for name in program.consts}
+        return c(program, Affine(scalars, rows), structure, self.slots(), theta)
 
     def python(self, theta: np.ndarray) -> Code:
-        from sysid.block.compiler.languages import python
+        from sysid.block.compiler.python_text import python
 
         return python(*self._numbers(theta))
 
@@ -170,7 +174,7 @@ class Written(Block):
         return {slot.name: float(value) for slot, value in zip(self.slots(), theta, strict=True)}
 
     def numbers(self, theta: np.ndarray) -> tuple[dict[str, float], dict[str, np.ndarray]]:
-        """Parameters of the functions by name, and their rows; by default those of the slots."""
+        """Parameters of the functions by name, and their rows: by default those of the slots, always c + A theta."""
         values = self.by_name(theta)
         rows = {r: np.array([values[name] for name in _row(list(values), r)]) for r in self.program().rows}
         return {**self.absent, **values}, rows
@@ -223,6 +227,14 @@ class Map(Written, StaticBlock):
         slope = np.empty_like(x)
         module.tangent(theta, *arguments, x, y, slope, J, q)
         return y, slope
+
+
+def _slopes(ahead: list[Any], base: Any) -> np.ndarray:
+    """A (..., p) of c + A theta, from its values at the unit vectors and at zero."""
+    if not ahead:
+        return np.zeros((*np.shape(base), 0))
+    with np.errstate(invalid="ignore"):
+        return np.stack([np.where(each == base, 0.0, each - base) for each in ahead], axis=-1)
 
 
 def _row(names: list[str], row: str) -> list[str]:

@@ -1,6 +1,6 @@
 """A program with numbers as the body of an exported function: the common part of C99 and Python."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from keyword import kwlist
 from typing import ClassVar
@@ -34,8 +34,17 @@ from sysid.block.writing import Code, number
 _RANK = {"if": 0, "or": 1, "and": 2, "not": 3, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6}
 _RANK |= {"neg": 7, "**": 8}
 _C_WORDS = """auto case char const default do double enum extern float goto inline int long register restrict short
-signed sizeof static struct switch typedef union unsigned void volatile pow main y0 y1 yn j0 j1 jn"""
-_TAKEN = EXPORTED | {*kwlist, *_C_WORDS.split(), "math", "range", "s", "x", "out"}  # names for no variable of a file
+signed sizeof static struct switch typedef union unsigned void volatile pow main y0 y1 yn j0 j1 jn
+and_eq bitand bitor bool catch compl constexpr delete explicit export false friend mutable namespace new not_eq nullptr
+operator private protected public template this throw true typeid typename using virtual wchar_t xor"""
+_TAKEN = EXPORTED | {*kwlist, *_C_WORDS.split(), "math", "range", "s", "p", "x", "out", "theta"}  # for no variable
+
+
+def word(name: str, taken: Collection[str] = ()) -> str:
+    """The name, with _ behind it where it has a meaning in C, C++ or Python or is taken."""
+    while name in _TAKEN or name in taken:
+        name += "_"
+    return name
 
 
 @dataclass
