@@ -21,8 +21,8 @@ def curve(x, p, block):
     inside = min(max(r, 0.0), 1.0)
     i = int(min(inside * m, m - 1.0))
     v, beyond = inside * m - i, (r - inside) * m
-    slope = p.c[4 * i + 1] + v * (2.0 * p.c[4 * i + 2] + v * 3.0 * p.c[4 * i + 3])
-    return p.c[4 * i] + v * (p.c[4 * i + 1] + v * (p.c[4 * i + 2] + v * p.c[4 * i + 3])) + beyond * slope
+    c1, c2, c3 = p.c[4 * i + 1], p.c[4 * i + 2], p.c[4 * i + 3]
+    return p.c[4 * i] + v * (c1 + v * (c2 + v * c3)) + beyond * (c1 + v * (2.0 * c2 + v * 3.0 * c3))
 
 
 def value(x, p, block):

@@ -5,6 +5,7 @@ The parameters stay variable: the code of each block reads them from the struct,
 
 import os
 import re
+import textwrap
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from sysid.model.wiring import Layer, Unit, identifier, whole
 _HELPERS = {
     "min_of": "(double a, double b)\n{\n    return b < a ? b : a;",
     "max_of": "(double a, double b)\n{\n    return b > a ? b : a;",
+    "place_of": "(long i, long n)\n{\n    return i < 0 ? 0 : (i < n ? i : n - 1);",
     "sum_of": "(const double *a, const double *b, int n)\n{\n    double sum = 0.0;\n"
     "    for (int i = 0; i < n; ++i) sum += a[i] * b[i];\n    return sum;",
 }
@@ -33,7 +35,8 @@ _CALLED = re.compile(rf"\b({'|'.join(_LIBM)})\(")
 class Value:
     """One number of a struct: its name with the block's, what it starts with, unit, and bounds.
 
-    `place` is the position of a parameter in theta of its block; None for an offset and for a state.
+    `place` is the position of a parameter in theta of its block; None for an offset and for a state. An `initial` one
+    acts at the start only.
     """
 
     name: str
@@ -42,6 +45,7 @@ class Value:
     lower: float = -np.inf
     upper: float = np.inf
     place: int | None = None
+    initial: bool = False
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,7 @@ class _Text:
             slot, value = slots[k], float(unit.theta[k])
             upper = max(min(slot.upper, code.limits.get(k, np.inf)), value)
             name = f"{self.short[unit.name]}.{slot.name}"
-            found.append(Value(name, value, slot.unit, min(slot.lower, value), upper, k))
+            found.append(Value(name, value, slot.unit, min(slot.lower, value), upper, k, slot.initial))
         return tuple(found)
 
     def offsets(self) -> tuple[Value, ...]:
@@ -255,7 +259,7 @@ void {name}_init({name}_state *s, const {name}_params *p);
         name, codes = self.name, self.program.codes
         functions = [text for unit in self.units for text in self._functions(unit)]
         body = "\n".join(functions)
-        helpers = [f"static double {k}{v}\n}}" for k, v in _HELPERS.items() if re.search(rf"\b{k}\(", body)]
+        helpers = [f"static {'long' if k == 'place_of' else 'double'} {k}{v}\n}}" for k, v in _HELPERS.items() if re.search(rf"\b{k}\(", body)]
         math = re.search(r"\bHUGE_VAL\b|\bfabs\(", body + self._values()) or _CALLED.search(body)
         begins = [
             f"    {name}_{self.short[unit.name]}_init({self._arguments(unit, step=False)});"
@@ -351,6 +355,7 @@ void {name}_init({name}_state *s, const {name}_params *p);
         return f"{self.name}_{self.short[unit.name]}_step({self._arguments(unit, *signals)})"
 
 
+_WIDE = 110  # characters; a compiler need not take more than 4095
 _newline, _newline_in, _blank = "\n", "\n   ", "\n\n"
 
 
@@ -367,4 +372,5 @@ def _value(value: float) -> str:
 
 
 def _braces(values: np.ndarray | list[float]) -> str:
-    return f"{{{', '.join(_value(v) for v in values)}}}"
+    text = f"{{{', '.join(_value(v) for v in values)}}}"
+    return text if len(text) < _WIDE else textwrap.fill(text, _WIDE, subsequent_indent="        ")

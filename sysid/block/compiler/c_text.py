@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -124,7 +125,7 @@ class _C(Text):
         if isinstance(e, Param):
             return self._param(e)
         loose = isinstance(e, Var) or (isinstance(e, Op) and e.op not in _TRUTHS)
-        if loose and not whole and self.integer(e):
+        if loose and not whole and self.integer(e) and e not in self.truths:
             return f"(double){super().show(e, 10, True)}"
         return super().show(e, rank, whole)
 
@@ -133,7 +134,10 @@ class _C(Text):
             constant, A = self.numbers.scalars[e.name]
             return self._sum(constant, A)
         constants, M = self.numbers.rows[e.name]
-        index = self.show(self.inside(e), 0, True)
+        assert e.index is not None
+        index = self.show(e.index, 0, True)
+        if self.inside(e) is not e.index:
+            index = f"place_of({index}, {len(M)})"
         if not M.any():
             self.tables[self.table(e.name)] = constants
             return f"{self.table(e.name)}[{index}]"
@@ -141,7 +145,8 @@ class _C(Text):
             return f"p->{field}[{index}]"
         if self._sparse(e.name):
             return f"{self.table(e.name)}[{index}]"
-        return f"sum_of(&{self.table(e.name)}[{M.shape[1] + 1} * ({index})], theta, {M.shape[1] + 1})"
+        width = len(self._weights(e.name)[0])
+        return f"sum_of(&{self.table(e.name)}[{width} * {index}], theta, {width})"
 
     def _sum(self, constant: float, A: np.ndarray) -> str:
         """c + A theta: a parameter, or a sum in brackets."""
@@ -177,9 +182,15 @@ class _C(Text):
         if self._sparse(row):
             values = ", ".join(self._sum(float(a), A) for a, A in zip(constants, M, strict=True))
             return [f"const double {self.table(row)}[{len(M)}] = {{{values}}};"]
-        self.tables[self.table(row)] = np.column_stack([constants, M]).ravel()
-        values = ", ".join(["1.0", *(self.places[k] for k in range(M.shape[1]))])
-        return [f"const double theta[{M.shape[1] + 1}] = {{{values}}};"]
+        names, weights = self._weights(row)
+        self.tables[self.table(row)] = weights.ravel()
+        return [f"const double theta[{len(names)}] = {{{', '.join(names)}}};"]
+
+    def _weights(self, row: str) -> tuple[list[str], np.ndarray]:
+        """What a row is a sum of, and the weights (row, names) of it."""
+        wide = np.column_stack(self.numbers.rows[row])
+        used = np.flatnonzero(wide.any(axis=0))
+        return ["1.0" if k == 0 else self.places[int(k) - 1] for k in used], wide[:, used]
 
     # Expressions
 
@@ -256,12 +267,18 @@ class _C(Text):
         return lines
 
     def kind(self, v: Var) -> str:
-        if v not in self.whole:
-            return "double"
-        both = (self.program.begin, self.program.step)
-        values = [s.value for b in both for s in statements(b) if isinstance(s, Assign) and s.target == v]
-        truths = all(isinstance(e, Op) and e.op in ("and", "or", "not", *COMPARISONS) for e in values)
-        return "int" if truths else "long long"  # whole numbers as wide as in the compiled run
+        return "double" if v not in self.whole else "int" if v in self.truths else "long"
+
+    @cached_property
+    def truths(self) -> set[Var]:
+        """Variables that hold only true or false."""
+        both = (*statements(self.program.begin), *statements(self.program.step))
+        found = set(self.whole)
+        while True:
+            others = {s.target for s in both if isinstance(s, Assign) and not _is_truth(s.value, found)} & found
+            if not others:
+                return found
+            found -= others
 
     def statement(self, s: Stmt, fresh: set[Var], inner: set[Var], around: Body) -> list[str]:
         if isinstance(s, Assign):
@@ -306,6 +323,12 @@ class _C(Text):
         if self.oldest > 1:
             lines.append(f"for (int i = {self.oldest - 1}; i > 0; --i) s->{self.past}[i] = s->{self.past}[i - 1];")
         return [*lines, *([f"s->{self.past}[0] = x;"] if self.oldest else [])]
+
+
+def _is_truth(e: Expr, known: set[Var]) -> bool:
+    if isinstance(e, Num):
+        return isinstance(e.value, bool)
+    return e in known if isinstance(e, Var) else isinstance(e, Op) and e.op in _TRUTHS
 
 
 def _fields(slots: tuple[Slot, ...], numbers: Affine) -> dict[str, int | tuple[int, ...]]:

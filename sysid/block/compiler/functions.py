@@ -63,7 +63,7 @@ FUNCTIONS = {
     "abs": Function(
         abs, "1.0 if {a} > 0.0 else (-1.0 if {a} < 0.0 else 0.0)", python="abs({})", c="fabs({})", matlab="abs"
     ),
-    "int": Function(int, _NONE, python="int({})", c="(long long)({})", matlab="fix"),
+    "int": Function(int, _NONE, python="int({})", c="(long)({})", matlab="fix"),
     "min": Function(min, python="min({})", c="min_of({})", matlab="min"),
     "max": Function(max, python="max({})", c="max_of({})", matlab="max"),
 }

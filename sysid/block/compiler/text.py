@@ -33,16 +33,20 @@ from sysid.block.writing import Code, number
 
 _RANK = {"if": 0, "or": 1, "and": 2, "not": 3, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6}
 _RANK |= {"neg": 7, "**": 8}
-_C_WORDS = """auto case char const default do double enum extern float goto inline int long register restrict short
-signed sizeof static struct switch typedef union unsigned void volatile pow main y0 y1 yn j0 j1 jn
-and_eq bitand bitor bool catch compl constexpr delete explicit export false friend mutable namespace new not_eq nullptr
-operator private protected public template this throw true typeid typename using virtual wchar_t xor"""
-_TAKEN = EXPORTED | {*kwlist, *_C_WORDS.split(), "math", "range", "s", "p", "x", "out", "theta"}  # for no variable
+_C_WORDS = set(
+    """auto bitand bitor bool case catch char compl const constexpr default delete do double enum explicit export extern
+    false float friend goto inline int long mutable namespace new nullptr operator private protected public register
+    restrict short signed sizeof static struct switch template this throw true typedef typeid typename union unsigned
+    using virtual void volatile wchar_t xor and_eq not_eq or_eq xor_eq""".split()
+    + kwlist
+)
+_C_NAMES = {"pow", "main", "y0", "y1", "yn", "j0", "j1", "jn", "min_of", "max_of", "sum_of", "place_of"}
+_TAKEN = EXPORTED | _C_WORDS | _C_NAMES | {"math", "range", "s", "p", "x", "out", "theta"}  # names for no variable
 
 
 def word(name: str, taken: Collection[str] = ()) -> str:
-    """The name, with _ behind it where it has a meaning in C, C++ or Python or is taken."""
-    while name in _TAKEN or name in taken:
+    """The name of a field, with _ behind it where it has a meaning in C, C++ or Python or is taken."""
+    while name in _C_WORDS or name in taken:
         name += "_"
     return name
 
