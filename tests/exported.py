@@ -3,16 +3,24 @@
 import ctypes
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import BLOCKS, STRUCTURES
 
+import sysid
 from sysid.base.criteria import criteria
+from sysid.block.block import StaticBlock
+from sysid.blocks import CoastingPlay, Motor, StateSpace, TransferFunction
+from sysid.data.preprocess import detrend
 from sysid.estimation.result import Fit
+from sysid.excitations import Sweep
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
+from sysid.structures import actuated_joint
 
 STRICT = ("-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 # What is put behind NAME.c, so that Python can drive it: a run of N samples with these parameters (all, in order).
@@ -30,6 +38,23 @@ int drive(const REAL *values, const REAL *u, REAL *y, int n)
     return (int)(sizeof p / sizeof(REAL)) + 1000 * (int)(sizeof s / sizeof(REAL));
 }}
 """
+
+# A joint as the real ones are: slow, with a load over position, a crooked linkage and a little play.
+JOINT = {
+    **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.6, "motor.delay": 0.3},
+    **{"motor.load1": 0.7, "motor.load2": -0.4, "motor.upper": 1.0, "motor.x0": 0.45, "motor.loss": 0.3},
+    **{"motor.stick": 0.8, "motor.stick_speed": 0.002, "motor.load0": -0.4},
+    **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.012, "play.rest": 0.2},
+    **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
+    **{"driver.lower": -0.4, "driver.upper": 0.7},
+    **{"motor.jam": 1000.0, "play.drag": 0.02, "play.pull0": 0.005, "play.pull1": 0.01},
+}
+JOINTS = {
+    "coasting": actuated_joint(motor=Motor(load=3, jams=True), play=CoastingPlay()),
+    "plain": actuated_joint(),
+    "with_everything": actuated_joint(driver="dead_zone", motor=Motor(load=3, loss=True, stribeck=True, substeps=3)),
+    "without_stops": actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False),
+}
 
 
 def made(chain, theta):
@@ -52,6 +77,47 @@ def excitation(n=1, N=400):
 
 def agrees(y, expected):
     np.testing.assert_allclose(y, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def chain_fit(chain, u):
+    """Filters with poles 0.7 and 0.5, maps with the cases' numbers, other blocks beside their start on what comes."""
+    rng, x, values = np.random.default_rng(0), u, []
+    known = {(type(block), block.n_parameters): theta for block, theta in BLOCKS.values()}
+    for block in chain.blocks:
+        theta = block.start(x)
+        if isinstance(block, TransferFunction):
+            f = np.concatenate([np.poly([0.7, 0.5][: block.nf])[1:], np.zeros(max(block.nf - 2, 0))])
+            theta[: block.nb + block.nf] = np.concatenate([0.3 + 0.1 * np.arange(block.nb), f])
+        elif isinstance(block, StaticBlock) and (type(block), len(theta)) in known:
+            theta = known[type(block), len(theta)]
+        elif block.admissible(drawn := block.vary(theta, rng)):
+            theta = drawn + 0.05 * rng.normal(size=len(drawn)) if isinstance(block, StateSpace) else drawn
+        values.append(theta)
+        x = block.output(theta, x)
+    return made(chain, np.concatenate(values))
+
+
+def structure_fit(name):
+    """A fit of a structure of the cases, or of one of JOINTS as joint_NAME, and a function of N: an input for it."""
+    if name.startswith("joint_"):
+        chain = JOINTS[name.removeprefix("joint_")]
+        return made(chain, [JOINT.get(n, 0.0) for n in chain.names]), sweep
+    if name == "nlarx":
+        u = excitation(N=500)
+        data = detrend(sysid.IOData(u, np.tanh(np.roll(u, 1)), 0.1))
+        fit = sysid.fit(sysid.structures.nlarx(2, 2, 1, units=2), data, starts=1)
+        return replace(fit, u_offset=np.zeros(1), y_offset=np.zeros(1)), lambda N: excitation(N=N)
+    return chain_fit(STRUCTURES[name].model(), excitation()), lambda N: excitation(N=N)
+
+
+FITS = [*sorted(STRUCTURES), *(f"joint_{name}" for name in JOINTS)]
+
+
+def sweep(N):
+    """Whole crossings of a joint's stroke, which is held midway for a while."""
+    u = Sweep(12.0, 10.0, jitter=0.5, shrink=0.6).generate(N, 0.1, np.random.default_rng([0, 11]))
+    u[700:760] = 1.0  # less than friction: it sticks
+    return u
 
 
 def python_space(fit, **scale):
@@ -78,7 +144,7 @@ class Compiled:
         file = export_c.write(fit, folder / f"{name}.c", single, **scale)
         self.source = export_c.written_source(fit, name, single, **scale)
         self.channels = (1, 1) if not hasattr(fit.model, "channels") else fit.model.channels
-        self.real = np.float32 if single else np.float64
+        self.name, self.real = name, np.float32 if single else np.float64
         step = f"y[t] = {name}_step(&s, &p, u[t]);"
         if self.channels != (1, 1):
             step = f"{name}_step(&s, &p, u + {self.channels[0]} * t, y + {self.channels[1]} * t);"

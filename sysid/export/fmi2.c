@@ -149,7 +149,6 @@ EXPORT int FMI(CompletedIntegratorStep)(Instance *i, int no_return, int *event, 
 #define MODE(name) \
     EXPORT int FMI(name)(Instance *i) \
     { \
-        (void)i; \
         return OK; \
     }
 MODE(EnterInitializationMode)
@@ -162,7 +161,6 @@ MODE(CancelStep)
 #define EMPTY(name, type) \
     EXPORT int FMI(name)(Instance *i, type *values, size_t n) \
     { \
-        (void)values; \
         return n == 0 ? OK : report(i, ERROR, "the model has no continuous states and no event indicators"); \
     }
 EMPTY(SetContinuousStates, const double)
@@ -180,12 +178,10 @@ static int none(const Instance *i, size_t n)
 #define TYPE(name, type) \
     EXPORT int FMI(Get##name)(Instance *i, const uint32_t *references, size_t n, type *values) \
     { \
-        (void)references, (void)values; \
         return none(i, n); \
     } \
     EXPORT int FMI(Set##name)(Instance *i, const uint32_t *references, size_t n, const type *values) \
     { \
-        (void)references, (void)values; \
         return none(i, n); \
     }
 TYPE(Integer, int)

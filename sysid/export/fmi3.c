@@ -162,7 +162,6 @@ EXPORT int FMI(GetNumberOfEventIndicators)(Instance *i, size_t *n)
 #define MODE(name) \
     EXPORT int FMI(name)(Instance *i) \
     { \
-        (void)i; \
         return OK; \
     }
 MODE(EnterEventMode)
@@ -177,7 +176,6 @@ MODE(Terminate)
 #define EMPTY(name, type) \
     EXPORT int FMI(name)(Instance *i, type *values, size_t n) \
     { \
-        (void)values; \
         return n == 0 ? OK : report(i, ERROR, "the model has no continuous states and no event indicators"); \
     }
 EMPTY(SetContinuousStates, const double)
@@ -195,13 +193,11 @@ static int none(const Instance *i, size_t n)
 #define TYPE(name, type) \
     EXPORT int FMI(Get##name)(Instance *i, const uint32_t *references, size_t n, type *values, size_t n_values) \
     { \
-        (void)references, (void)values, (void)n_values; \
         return none(i, n); \
     } \
     EXPORT int FMI(Set##name)(Instance *i, const uint32_t *references, size_t n, const type *values, \
                               size_t n_values) \
     { \
-        (void)references, (void)values, (void)n_values; \
         return none(i, n); \
     }
 TYPE(Float32, float)

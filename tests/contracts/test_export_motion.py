@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 from cases import BLOCKS, MOVING
-from exported import agrees, c_run, excitation, made, python_run, python_space
+from exported import JOINTS, agrees, c_run, excitation, made, python_run, python_space, structure_fit, sweep
 from often import often
 
 from sysid.block.compiler.recursion import Written
@@ -23,12 +23,10 @@ from sysid.blocks import (
     TravelMap,
 )
 from sysid.blocks.motor import MOST_LOSS
-from sysid.excitations import Sweep
 from sysid.export import c as export_c
 from sysid.export import closed_form
 from sysid.export import python as export_python
 from sysid.model.chain import Chain
-from sysid.structures import actuated_joint
 
 FULL = {
     **{"gain": 0.08, "lag": 0.6, "rise": 0.3, "fall": 0.4, "stick": 0.3, "stick_speed": 0.1, "stick_down": 0.15},
@@ -206,30 +204,11 @@ def test_the_record_asks_for_what_a_profile_has(name):
     assert len(still(x)) >= 5
 
 
-# A joint as the real ones are: slow, with a load over position, a crooked linkage and a little play.
-JOINT = {
-    **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.6, "motor.delay": 0.3},
-    **{"motor.load1": 0.7, "motor.load2": -0.4, "motor.upper": 1.0, "motor.x0": 0.45, "motor.loss": 0.3},
-    **{"motor.stick": 0.8, "motor.stick_speed": 0.002, "motor.load0": -0.4},
-    **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.012, "play.rest": 0.2},
-    **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
-    **{"driver.lower": -0.4, "driver.upper": 0.7},
-    **{"motor.jam": 1000.0, "play.drag": 0.02, "play.pull0": 0.005, "play.pull1": 0.01},
-}
-JOINTS = {
-    "coasting": actuated_joint(motor=Motor(load=3, jams=True), play=CoastingPlay()),
-    "plain": actuated_joint(),
-    "with_everything": actuated_joint(driver="dead_zone", motor=Motor(load=3, loss=True, stribeck=True, substeps=3)),
-    "without_stops": actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False),
-}
-
-
 @pytest.mark.parametrize("name", JOINTS)
 def test_a_whole_joint_on_a_sweep(name, tmp_path):
-    chain = JOINTS[name]
-    fit = made(chain, [JOINT.get(n, 0.0) for n in chain.names])
-    u = Sweep(12.0, 10.0, jitter=0.5, shrink=0.6).generate(2500, 0.1, np.random.default_rng([0, 11]))
-    u[700:760] = 1.0  # less than friction: it sticks midway
+    fit, _ = structure_fit(f"joint_{name}")
+    chain = fit.model
+    u = sweep(2500)
     expected = run(fit, u)
     if chain.block("map") is not None:
         ahead = chain.blocks[: chain.blocks.index(chain.block("motor")) + 1]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from sysid.block.compiler.ir import Ago, Assign, Body, Break, Expr, For, If, Return, Var, walk
+from sysid.block.compiler.ir import Ago, Assign, Body, Break, Expr, For, If, Return, Var, statements, walk
 
 
 def feeds(step: Body, span: Callable[[Expr], tuple[int, int]]) -> bool:
@@ -16,7 +16,7 @@ def feeds(step: Body, span: Callable[[Expr], tuple[int, int]]) -> bool:
 
 class _Follower:
     def __init__(self, span: Callable[[Expr], tuple[int, int]]) -> None:
-        self.span, self.left = span, False  # whether the input has decided about a break or a return
+        self.span, self.left = span, False  # whether the input has decided about a break, or a return
 
     def hangs(self, e: Expr, wet: set[Var]) -> bool:
         return any(
@@ -32,7 +32,7 @@ class _Follower:
             if isinstance(s, Assign):
                 (wet.add if decided or self.hangs(s.value, wet) else wet.discard)(s.target)
             elif isinstance(s, Return):
-                found = found or decided or self.hangs(s.value, wet)
+                found, self.left = found or decided or self.hangs(s.value, wet), self.left or decided
             elif isinstance(s, Break):
                 self.left = self.left or decided
             elif isinstance(s, If):
@@ -41,10 +41,12 @@ class _Follower:
                 found = self.passes(s.orelse, other, inner) or found
                 wet |= other
             elif isinstance(s, For):
+                left, returns = self.left, any(isinstance(each, Return) for each in statements(s.body))
                 while True:
                     before = set(wet)
                     found = self.passes(s.body, wet, decided or self.hangs(s.count, wet)) or found
                     wet |= before
                     if wet == before:
                         break
+                self.left = self.left if returns else left  # a break ends with its loop
         return found
