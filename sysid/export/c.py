@@ -7,7 +7,7 @@ import os
 import re
 import textwrap
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -190,10 +190,10 @@ class _Text:
                 lines = [f"    double {field}{f'[{n}]' if n else ''};" for field, n in code.states.items()]
                 structs.append(_struct(lines, f"{name}_{short}_state"))
                 states.append(f"    {name}_{short}_state {short};")
-        for field, n, unit in (("u_offset", self.n_in, self.u_unit), ("y_offset", self.n_out, self.y_unit)):
+        for field, n, of in (("u_offset", self.n_in, self.u_unit), ("y_offset", self.n_out, self.y_unit)):
             what = "taken off the input" if field[0] == "u" else "put on the output"
             size = "" if self.single_channel else f"[{n}]"
-            parameters.append(f"    double {field}{size}; /* {what}{f' [{unit}]' if unit else ''} */")
+            parameters.append(f"    double {field}{size}; /* {what}{f' [{of}]' if of else ''} */")
         return f"""/* {name}: exported model.
 
 {_newline.join(f"   {line}".rstrip() for line in comment)}
@@ -259,7 +259,11 @@ void {name}_init({name}_state *s, const {name}_params *p);
         name, codes = self.name, self.program.codes
         functions = [text for unit in self.units for text in self._functions(unit)]
         body = "\n".join(functions)
-        helpers = [f"static {'long' if k == 'place_of' else 'double'} {k}{v}\n}}" for k, v in _HELPERS.items() if re.search(rf"\b{k}\(", body)]
+        helpers = [
+            f"static {'long' if k == 'place_of' else 'double'} {k}{v}\n}}"
+            for k, v in _HELPERS.items()
+            if re.search(rf"\b{k}\(", body)
+        ]
         math = re.search(r"\bHUGE_VAL\b|\bfabs\(", body + self._values()) or _CALLED.search(body)
         begins = [
             f"    {name}_{self.short[unit.name]}_init({self._arguments(unit, step=False)});"

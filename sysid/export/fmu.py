@@ -28,7 +28,11 @@ from sysid.export.program import AnyFit, Offset, channel_counts
 
 VERSIONS = ("3.0", "2.0")
 _HERE = Path(__file__).parent
-_SYSTEMS = {"linux": ("linux", "linux", ".so"), "darwin": ("darwin", "darwin", ".dylib"), "win32": ("windows", "win", ".dll")}
+_SYSTEMS = {
+    "linux": ("linux", "linux", ".so"),
+    "darwin": ("darwin", "darwin", ".dylib"),
+    "win32": ("windows", "win", ".dll"),
+}
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")  # no contraction: the numbers of every machine
 _SECONDS = 120.0  # for the compiler
@@ -182,10 +186,15 @@ class _Description:
         newer, made = self.version == "3.0", quoteattr(f"QPAL {versions()['qpal']}")
         saves = "FMUState" if newer else "FMUstate"
         can = f'canGetAndSet{saves}="true" canSerialize{saves}="true"'
-        listed = "" if newer else "<SourceFiles>" + "".join(f'<File name="{f}"/>' for f in self.sources) + "</SourceFiles>"
-        step = number(self.fit.Ts)
+        listed = (
+            "" if newer else "<SourceFiles>" + "".join(f'<File name="{f}"/>' for f in self.sources) + "</SourceFiles>"
+        )
+        step, stop = number(self.fit.Ts), number(_DEFAULT_SAMPLES * self.fit.Ts)
         fixed = f' fixedInternalStepSize="{step}"' if newer else ""
-        kinds = [("ModelExchange", can), ("CoSimulation", f'canHandleVariableCommunicationStepSize="false"{fixed} {can}')]
+        kinds = [
+            ("ModelExchange", can),
+            ("CoSimulation", f'canHandleVariableCommunicationStepSize="false"{fixed} {can}'),
+        ]
         token = "instantiationToken" if newer else "guid"
         lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
@@ -195,7 +204,7 @@ class _Description:
             *(f'  <{k} modelIdentifier="{self.name}" {v}>{listed}</{k}>' for k, v in kinds),
             *_indented("UnitDefinitions", (f"<Unit name={quoteattr(u)}/>" for u in self._units())),
             *_indented("LogCategories", (f'<Category name="logStatus{each}"/>' for each in ("Error", "Discard"))),
-            f'  <DefaultExperiment startTime="0" stopTime="{number(_DEFAULT_SAMPLES * self.fit.Ts)}" stepSize="{step}"/>',
+            f'  <DefaultExperiment startTime="0" stopTime="{stop}" stepSize="{step}"/>',
             *_indented("ModelVariables", (self._variable(k, v, newer) for k, v in enumerate(self.variables))),
             *_indented("ModelStructure", self._structure(newer)),
             "</fmiModelDescription>",

@@ -153,7 +153,9 @@ def _network_in_c(fit: NlarxFit) -> CCode:
     ]
     if units and m:
         at = np.arange(1 + n, len(fit.theta)).reshape(units, m + 2)
-        fields |= {name: tuple(part.ravel().tolist()) for name, part in zip("SBC", np.split(at, [1, 2], 1), strict=True)}
+        fields |= {
+            name: tuple(part.ravel().tolist()) for name, part in zip("SBC", np.split(at, [1, 2], 1), strict=True)
+        }
         tables["T"] = fit.network.T.ravel()
         wavelets = fit.network.wavelets
         lines += [
@@ -167,7 +169,11 @@ def _network_in_c(fit: NlarxFit) -> CCode:
             f"    for (int j = 0; j < {m}; ++j) z += (c[j] - p->C[{m} * k + j]) * (c[j] - p->C[{m} * k + j]);",
             "    z = p->B[k] * p->B[k] * z;",
             "    double g = exp(-0.5 * z);",
-            *([f"    if (k < {wavelets}) g = ({m}.0 - z) * g; /* wavelets, then scaling functions */"] if wavelets else []),
+            *(
+                [f"    if (k < {wavelets}) g = ({m}.0 - z) * g; /* wavelets, then scaling functions */"]
+                if wavelets
+                else []
+            ),
             "    y += p->S[k] * g;",
             "}",
         ]

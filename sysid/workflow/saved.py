@@ -40,7 +40,10 @@ class Exports:
 
 
 def export(evaluation: Evaluation, folder: Path) -> Exports:
-    """model.json, model.c and model.py in `folder`; the last two use the levels of the record, means included."""
+    """model.json, model.c with model.h, and model.py in `folder`.
+
+    The code uses the levels of the record, means included.
+    """
     fit = _with_warnings(evaluation)
     try:
         save(fit, folder / "model.json")
@@ -51,7 +54,8 @@ def export(evaluation: Evaluation, folder: Path) -> Exports:
     return Exports(
         (
             MODEL_FILE,
-            ("model.c", "C99 with a state and a step function, on the scales of the recorded input and output"),
+            ("model.h", "C99: structs of state and parameters, on the scales of the recorded input and output"),
+            ("model.c", "its functions"),
             ("model.py", "the same in Python; imports only math"),
         ),
         ()

@@ -79,7 +79,9 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
     runs = desk.runs("m1")
     assert runs.t[0] == 1.0
     assert abs(runs.t[-1] - 18.0) < 1e-9
-    assert {"script.py", "report.html", "model.json", "model.c", "model.py"} == set(desk.files("models", "m1"))
+    assert {"script.py", "report.html", "model.json", "model.h", "model.c", "model.py"} == set(
+        desk.files("models", "m1")
+    )
     assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 4
 
 
@@ -348,7 +350,7 @@ def test_a_joint_is_fitted_to_the_log_that_the_page_makes_and_all_its_files_come
         assert model.fit_estimation > 90.0
         assert model.joint
         files = own.files("models", "m1")
-        assert {"script.py", "report.html", "model.json", "model.c", "model.py", "joint.xml"} == set(files)
+        assert {"script.py", "report.html", "model.json", "model.h", "model.c", "model.py", "joint.xml"} == set(files)
         assert ' inf"' not in own.content("models", "m1", "joint.xml").decode()
     finally:
         own.close()

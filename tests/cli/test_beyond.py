@@ -71,7 +71,7 @@ def identified(plain_log, tmp_path_factory):
 
 def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
     out, _ = identified
-    assert {path.name for path in out.glob("model.*")} == {"model.json", "model.c", "model.py"}
+    assert {path.name for path in out.glob("model.*")} == {"model.json", "model.h", "model.c", "model.py"}
     fit, summary = sysid.load(out / "model.json"), json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert fit.model.structure == "actuated_joint"
     assert dict(zip(fit.model.names, fit.theta.tolist(), strict=True)) == {

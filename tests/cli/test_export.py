@@ -46,7 +46,7 @@ def test_c_python_and_mjcf_of_a_saved_fit(log, tmp_path, monkeypatch, capsys):
     assert main(["export", "model.json", "--c", "--python", "--mjcf", "--name", "knee", "--out", "made", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["difference_rms_percent_of_stroke"] < 0.5
-    assert sorted(summary["files"]) == ["knee.c", "knee.py", "knee.xml"]
+    assert sorted(summary["files"]) == ["knee.c", "knee.h", "knee.py", "knee.xml"]
     assert mujoco.MjModel.from_xml_path("made/knee.xml").nu == 1
     run = runpy.run_path("made/knee.py")["simulate"]
     np.testing.assert_allclose(
@@ -57,7 +57,7 @@ def test_c_python_and_mjcf_of_a_saved_fit(log, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["model.json"], "add --mjcf, --c, --python, --matlab or --control"),
+        (["model.json"], "add --mjcf, --c, --fmu, --python, --matlab or --control"),
         (["log.csv", "--c"], "log.csv"),
         (["model.json", "--mjcf"], "a output_error has no motor"),
         (["gone.json", "--mjcf"], "gone.json"),

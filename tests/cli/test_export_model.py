@@ -4,6 +4,7 @@ import json
 import runpy
 import shutil
 import subprocess
+import zipfile
 from types import SimpleNamespace
 
 import control
@@ -18,6 +19,19 @@ from sysid.workflow.saved import export
 from twin.cli import main
 from twin.report import export as report
 from twin.studies.write_back import read_model, write_back
+
+MAIN = """#include <stdio.h>
+#include "knee.h"
+int main(void)
+{
+    knee_params p = knee_fit;
+    knee_state s;
+    double u;
+    knee_init(&s, &p);
+    while (scanf("%lf", &u) == 1) printf("%.17g\\n", knee_step(&s, &p, u));
+    return 0;
+}
+"""
 
 
 def record(N=400, seed=0):
@@ -40,10 +54,22 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("kind", ["chain", "nlarx"])
 def test_every_file_runs_on_raw_inputs_to_raw_outputs(kind, folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
-    command = ["export", f"{kind}.json", "--c", "--python", "--matlab", "--control", "--name", "knee", "--out", kind]
+    command = [
+        "export",
+        f"{kind}.json",
+        "--c",
+        "--fmu",
+        "--python",
+        "--matlab",
+        "--control",
+        "--name",
+        "knee",
+        "--out",
+        kind,
+    ]
     assert main([*command, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["files"] == ["knee.c", "knee.py", "knee.m", "knee_control.py"]
+    assert found["files"] == ["knee.h", "knee.c", "knee.fmu", "knee.py", "knee.m", "knee_control.py"]
     fit, u = sysid.load(f"{kind}.json"), record(seed=1).u[:, 0]
     assert found["offsets"] == {"u": fit.u_offset.tolist(), "y": fit.y_offset.tolist()}
     expected = fit.simulate(u - fit.u_offset[0]) + fit.y_offset[0]
@@ -58,7 +84,8 @@ def test_every_file_runs_on_raw_inputs_to_raw_outputs(kind, folder, monkeypatch,
         if program is None:
             continue
         if build:
-            subprocess.run([program, "-std=c99", "-DKNEE_MAIN", f"{kind}/knee.c", "-o", "knee", "-lm"], check=True)
+            (folder / kind / "main.c").write_text(MAIN)
+            subprocess.run([program, "-std=c99", "knee.c", "main.c", "-o", "../knee", "-lm"], cwd=kind, check=True)
             done = subprocess.run(["./knee"], input=text, capture_output=True, text=True, check=True)
         else:
             (folder / "u.txt").write_text(text)
@@ -77,7 +104,7 @@ def test_the_linear_model_is_the_slope_of_the_model(kind, at, folder, monkeypatc
     where = [] if at is None else ["--at", str(at)]
     assert main(["export", f"{kind}.json", "--control", *where, "--out", "linear", "--json"]) == 0
     found, fit = json.loads(capsys.readouterr().out)["tangent"], sysid.load(f"{kind}.json")
-    space = runpy.run_path("linear/joint_control.py")
+    space = runpy.run_path(f"linear/{fit.model.structure}_control.py")
     G, u0, y0 = space["G"], space["U0"], space["Y0"]
     assert isinstance(G, control.TransferFunction)
     assert (G.dt, u0, y0) == (0.1, found["u"], found["y"])
@@ -104,6 +131,10 @@ def test_a_model_that_integrates_has_a_linear_model_all_the_same():
     ("arguments", "said"),
     [
         (["chain.json", "--c", "--at", "3"], "--at is given without --control"),
+        (["chain.json", "--fmu", "--single"], "--single is given without --c"),
+        (["chain.json", "--c", "--fmi", "2"], "--fmi is given without --fmu"),
+        (["chain.json", "--fmu", "--fmi", "1"], "--fmi is 1; choose one of 3, 2"),
+        (["chain.json", "--fmu", "--name", "2 legs"], "not an identifier"),
         (["nlarx.json", "--mjcf"], "a nonlinear ARX model has no motor"),
         (["chain.json", "--matlab", "--name", "end"], "'end' has a meaning in MATLAB"),
         (["nlarx.json", "--control", "--at", "1e9"], "no steady state"),
@@ -115,6 +146,25 @@ def test_what_cannot_be_exported_is_a_sentence(arguments, said, folder, monkeypa
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1
+
+
+def test_the_name_of_a_model_without_one_is_its_structure(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    assert main(["export", "chain.json", "--c", "--single", "--fmu", "--fmi", "2", "--out", "named", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"] == ["hammerstein.h", "hammerstein.c", "hammerstein.fmu"]
+    assert "float hammerstein_step(" in (folder / "named" / "hammerstein.h").read_text()
+    with zipfile.ZipFile("named/hammerstein.fmu") as archive:
+        description = archive.read("modelDescription.xml").decode()
+    assert 'fmiVersion="2.0" modelName="hammerstein"' in description
+    assert 'causality="input" variability="discrete" description="drive"><Real unit="V"' in description
+
+
+def test_without_a_compiler_the_fmu_has_its_source_and_says_so(folder, monkeypatch, capsys):
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert main(["export", "chain.json", "--fmu", "--out", "bare"]) == 0
+    assert "source only: there is no C compiler here" in " ".join(capsys.readouterr().out.split())
+    assert "sources/hammerstein.c" in zipfile.ZipFile("bare/hammerstein.fmu").namelist()
 
 
 def test_a_joint_without_its_means_is_not_written_as_mjcf(tmp_path, monkeypatch, capsys):
@@ -149,7 +199,7 @@ def test_a_way_that_is_not_possible_is_told_before_anything_is_written_with_thos
     err = capsys.readouterr().err
     assert "--control: a linear model is written of a chain with one transfer function, and actuated_joint has" in err
     assert "qpal identify LOG --structure output_error" in err
-    assert "nothing is written; possible: --c, --python, --matlab, --mjcf" in err
+    assert "nothing is written; possible: --c, --fmu, --python, --matlab, --mjcf" in err
     assert not (joint / "both").exists()
 
 

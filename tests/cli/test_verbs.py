@@ -154,7 +154,12 @@ def test_identify_nlarx_keeps_free_run_and_one_step_apart(tmp_path, capsys):
     names = {path.stem for path in (tmp_path / "out" / "figures").iterdir()}
     assert {"free-run", "residuals"} <= names
     assert not names & {"pole-zero", "step-response", "static-maps"}
-    assert {path.name for path in (tmp_path / "out").glob("model.*")} == {"model.json", "model.c", "model.py"}
+    assert {path.name for path in (tmp_path / "out").glob("model.*")} == {
+        "model.json",
+        "model.h",
+        "model.c",
+        "model.py",
+    }
 
 
 def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_path, capsys):

@@ -1,4 +1,4 @@
-"""NAME.h and NAME.c of every structure: 10^4 samples beside the fit's run, changed parameters, single precision, C++."""
+"""NAME.h and NAME.c of every structure: 10^4 samples beside the fit's, changed parameters, single precision, C++."""
 
 import re
 import shutil
@@ -129,7 +129,8 @@ def test_a_delay_beyond_the_memory_is_the_longest_that_there_is_room_for(tmp_pat
 def test_names_that_mean_something_in_c_get_a_sign_behind_them(tmp_path):
     from sysid.blocks import dynamic
 
-    text = "def step(s, x, p):\n    y = s.double\n    s.double += p.register * (p.while_[0] * x - y) + p.new\n    return y\n"
+    lines = ["def step(s, x, p):", "y = s.double", "s.double += p.register * (p.while_[0] * x - y) + p.new", "return y"]
+    text = "\n    ".join(lines)
     block = dynamic(text, {"register": 0.3, "while_": (1.0, 2.0), "new": 0.1}, role="int")
     fit, u = made(Chain((block,)), [0.3, 1.2, 0.5, 0.1]), excitation()
     agrees(Compiled(fit, tmp_path, "long_name").run(u), fit.simulate(u))
@@ -140,7 +141,7 @@ def test_several_channels_have_arrays(tmp_path):
     fit, u = made(Chain((block,)), theta), excitation(2)
     compiled = Compiled(fit, tmp_path, u_offset=np.array([1.0, 2.0]))
     assert [p.name for p in compiled.source.parameters[-4:]] == ["u_offset1", "u_offset2", "y_offset1", "y_offset2"]
-    agrees(compiled.run(u + [1.0, 2.0]), fit.simulate(u))
+    agrees(compiled.run(u + np.array([1.0, 2.0])), fit.simulate(u))
 
 
 @pytest.mark.parametrize(

@@ -131,7 +131,9 @@ def test_parameters_are_tunable_before_and_within_a_run(units):
     u = u(600)
     gain = fit.model.names.index("linear.b0")
     changed = replace(fit, theta=np.where(np.arange(len(fit.theta)) == gain, 1.5 * fit.theta, fit.theta))
-    agrees(simulated(path, u, "CoSimulation", start_values={"linear.b0": changed.theta[gain]})["y"], changed.simulate(u))
+    agrees(
+        simulated(path, u, "CoSimulation", start_values={"linear.b0": changed.theta[gain]})["y"], changed.simulate(u)
+    )
     with running(path) as (unit, references):
         y = samples(unit, references, u[:300])
         unit.setFloat64([references["linear.b0"]], [changed.theta[gain]])

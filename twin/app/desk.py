@@ -23,7 +23,8 @@ FILES = {  # what can be taken away of a model: name, and what it is
     "script.py": "Python that does the same",
     "report.html": "report",
     "model.json": "the fit for sysid.load",
-    "model.c": "C99",
+    "model.h": "C99, the structs",
+    "model.c": "C99, the functions",
     "model.py": "Python without libraries",
     "joint.xml": "MJCF of the joint",
 }

@@ -1,4 +1,4 @@
-"""`qpal export`: a fitted model as C, Python, MATLAB, MJCF or a linear model."""
+"""`qpal export`: a fitted model as C, FMU, Python, MATLAB, MJCF or a linear model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,11 +13,16 @@ Model = Annotated[
     str, typer.Argument(metavar="MODEL", help="model.json of a fit, or, for --mjcf, a log that a joint is fitted to")
 ]
 
+FMI = {"3": "3.0", "2": "2.0"}
+
 
 def export(
     model: Model,
     mjcf: Annotated[bool, typer.Option("--mjcf", help="an actuated joint as elements of a MuJoCo model")] = False,
-    c: Annotated[bool, typer.Option("--c", help="C99 source")] = False,
+    c: Annotated[bool, typer.Option("--c", help="C99: NAME.h and NAME.c")] = False,
+    single: Annotated[bool, typer.Option("--single", help="the C of --c in single precision")] = False,
+    fmu: Annotated[bool, typer.Option("--fmu", help="an FMU for Simulink, Modelica tools, FMPy and others")] = False,
+    fmi: Annotated[str, typer.Option(metavar="3|2", help="version of --fmu: FMI 3.0 or 2.0")] = "3",
     python: Annotated[bool, typer.Option("--python", help="a Python module that imports only math")] = False,
     matlab: Annotated[bool, typer.Option("--matlab", help="a MATLAB function file, which GNU Octave runs too")] = False,
     control: Annotated[
@@ -29,7 +34,10 @@ def export(
             "U", "input of the operating point of --control; the middle of the estimation data if not given"
         ),
     ] = None,
-    name: Annotated[str, typer.Option(metavar="NAME", help="name of the joint or of the exported functions")] = "joint",
+    name: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="name of the functions (the model's structure if not given) or of the joint"),
+    ] = None,
     into: Annotated[
         str | None, typer.Option(metavar="FILE.xml", help="your MuJoCo model; its hinge NAME takes the joint's place")
     ] = None,
@@ -50,19 +58,27 @@ def export(
 ) -> None:
     """Write a fitted model as code, linear model, or MJCF.
 
-    The code is C99, Python or MATLAB; the MJCF is checked against the fit.
+    The code is C99, an FMU, Python or MATLAB; the MJCF is checked against the fit.
 
     The files take and give raw units: they remove the offsets that were removed before the fit.
 
     Limit: a pass; of a log a joint grows first: identify --seconds and export its model where that is long.
     Progress: each part.
     """
-    flags = {"mjcf": mjcf or into is not None, "c": c, "python": python, "matlab": matlab, "control": control}
+    flags = {"mjcf": mjcf or into is not None, "c": c, "fmu": fmu, "python": python, "matlab": matlab}
+    flags["control"] = control
     ways = [way for way, flag in flags.items() if flag]
     if not ways:
-        raise InputError("nothing to export to; add --mjcf, --c, --python, --matlab or --control")
-    if at is not None and not control:
-        raise InputError("--at is given without --control; add --control or leave it out")
+        raise InputError("nothing to export to; add --mjcf, --c, --fmu, --python, --matlab or --control")
+    for option, given, way in (
+        ("--at", at is not None, "control"),
+        ("--single", single, "c"),
+        ("--fmi", fmi != "3", "fmu"),
+    ):
+        if given and not flags[way]:
+            raise InputError(f"{option} is given without --{way}; add --{way} or leave it out")
+    if fmi not in FMI:
+        raise InputError(f"--fmi is {fmi}; choose one of {', '.join(FMI)}")
     from sysid.report.page import write
     from twin.report import export as report
     from twin.studies.write_back import read_model, write_back
@@ -72,7 +88,7 @@ def export(
         source = read_model(model, input, output, ts, time, map, fitted=ways == ["mjcf"])
         step("exporting")
         target = None if into is None else Path(into)
-        result = write_back(source, ways, name, torque_per_volt, link_inertia, target, scratch, at)
+        result = write_back(source, ways, name, torque_per_volt, link_inertia, target, scratch, at, single, FMI[fmi])
         step("drawing")
         write(scratch, report.page(result), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))

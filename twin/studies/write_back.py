@@ -1,5 +1,6 @@
-"""A fitted model written back: as C99, Python, MATLAB or a linear model, or as MJCF that is checked in MuJoCo."""
+"""A fitted model written back: as C99, FMU, Python, MATLAB or a linear model, or as MJCF that is checked in MuJoCo."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
-from sysid.export import c, matlab, mjcf, python
+from sysid.export import c, fmu, matlab, mjcf, python
 from sysid.fitting import load
 from sysid.joint.posterior import fit_joint
 from sysid.linear import linearize
@@ -158,10 +159,17 @@ def _stay(y: np.ndarray, span: float) -> int:
     return int(np.argmax(beyond_span)) if beyond_span.any() else len(y)
 
 
-WAYS = ("c", "python", "matlab", "control", "mjcf")
+WAYS = ("c", "fmu", "python", "matlab", "control", "mjcf")
+JOINT = "joint"  # the hinge of an MJCF that is given no name
 
 
-def _check_ways(source: Source, ways: Sequence[str], name: str, at: float | None) -> None:
+def model_name(fit: Fit | NlarxFit) -> str:
+    """A name for the functions of a model, from its structure."""
+    name = re.sub(r"\W", "_", fit.model.structure, flags=re.ASCII)
+    return name if name[0].isalpha() else f"model_{name}"
+
+
+def _check_ways(source: Source, ways: Sequence[str], name: str | None, at: float | None) -> None:
     """Raises InputError, with the reason and with the ways that are possible, before any file is written."""
     reasons = {way: _refusal(source, way, name, at) for way in ways}
     if not any(reasons.values()):
@@ -172,18 +180,18 @@ def _check_ways(source: Source, ways: Sequence[str], name: str, at: float | None
     raise InputError(f"{sentence} (nothing is written; possible: {', '.join(fine)})" if fine else sentence)
 
 
-def _refusal(source: Source, way: str, name: str, at: float | None) -> str:
+def _refusal(source: Source, way: str, name: str | None, at: float | None) -> str:
     """Why the fit cannot be written in this way; empty if it can."""
     fit = source.fit
     try:
         if way == "control":
             linearize.tangent_at(fit, at)
         elif way == "mjcf":
-            _check_mjcf(source, name)
+            _check_mjcf(source, name or JOINT)
         elif way == "python":
             python.source(fit)
         else:
-            (c if way == "c" else matlab).source(fit, name)
+            (matlab if way == "matlab" else c).source(fit, name or model_name(fit))
     except InputError as error:
         return str(error)
     return ""
@@ -210,23 +218,34 @@ def _check_mjcf(source: Source, name: str) -> None:
 def write_back(
     source: Source,
     ways: Sequence[str],
-    name: str,
+    name: str | None,
     torque_per_volt: float | None,
     link_inertia: float,
     into: Path | None,
     folder: Path,
     at: float | None = None,
+    single: bool = False,
+    fmi: str = fmu.VERSIONS[0],
 ) -> WrittenModel:
-    """Write the fit to `folder` in each of `ways` ("mjcf", "c", "python", "matlab", "control"); see `sysid.export`.
+    """Write the fit to `folder` in each of `ways`, names of `WAYS`; see `sysid.export`.
 
-    `at` is the input of the linear model, see `sysid.linear.linearize`.
+    `name` is that of the joint in MJCF and of the functions and files, by default "joint" and the model's structure.
+    `at` is the input of the linear model, see `sysid.linear.linearize`; `single` asks for C in single precision, `fmi`
+    is the version of the FMU.
     """
     files = []
     scale = 1.0 if torque_per_volt is None else torque_per_volt
     fit = source.fit
     _check_ways(source, ways, name, at)
+    joint, name = name or JOINT, name or model_name(fit)
     if "c" in ways:
-        files.append((c.write(fit, folder / f"{name}.c", name).name, "C99 with a state and a step function"))
+        c.write(fit, folder / f"{name}.c", single)
+        files.append((f"{name}.h", "C99: a state struct, a struct of parameters, and what works on them"))
+        files.append((f"{name}.c", f"its functions, in {'single' if single else 'double'} precision"))
+    if "fmu" in ways:
+        unit = fmu.write(fit, folder / f"{name}.fmu", fmi)
+        binary = f"with a binary for {unit.platform}" if unit.platform else "source only: there is no C compiler here"
+        files.append((unit.path.name, f"FMI {fmi}, co-simulation and model exchange, {binary}"))
     if "python" in ways:
         files.append((python.write(fit, folder / f"{name}.py").name, "Python that imports only math"))
     if "matlab" in ways:
@@ -239,14 +258,14 @@ def write_back(
     if "mjcf" not in ways:
         return WrittenModel(source, tuple(files), tangent=tangent)
     assert isinstance(fit, Fit)
-    fragment = mjcf.fragment(fit, name, scale, link_inertia)
-    write_text(folder / f"{name}.xml", fragment.model())
-    files.append((f"{name}.xml", "MJCF that loads as it is, with a light link in place of yours"))
+    fragment = mjcf.fragment(fit, joint, scale, link_inertia)
+    write_text(folder / f"{joint}.xml", fragment.model())
+    files.append((f"{joint}.xml", "MJCF that loads as it is, with a light link in place of yours"))
     if into is not None:
-        model_path = folder / into.name if into.name != f"{name}.xml" else folder / f"with-{into.name}"
+        model_path = folder / into.name if into.name != f"{joint}.xml" else folder / f"with-{into.name}"
         write_text(model_path, put_into(fragment, into))
         files.append((model_path.name, f"{into.name} with the joint put in"))
-    fragment_check = check(mjcf.fragment(fit, name, scale), fit, source.data)
+    fragment_check = check(mjcf.fragment(fit, joint, scale), fit, source.data)
     return WrittenModel(
         source, tuple(files), fragment, fragment_check, None if into is None else str(into), torque_per_volt, tangent
     )

@@ -28,7 +28,6 @@ from sysid.block.compiler.ir import (
     Stmt,
     Var,
     expressions,
-    expressions_of,
     map_expressions,
     rebuilt,
     statements,
@@ -62,7 +61,7 @@ def c(program: Program, affine: Affine, structure: Mapping[str, float], slots: t
     if clamped:
         folded = replace(folded, step=map_expressions(folded.step, lambda e: _within(e, clamped)))
     printer = _C(folded, lengths)
-    printer.numbers, printer.slots, printer.bounds = affine, slots, {k: v for k, (_, v) in clamped.items()}
+    printer.numbers, printer.slots = affine, slots
     return printer.c_code(limits)
 
 
@@ -96,13 +95,15 @@ class _C(Text):
     words: ClassVar = {"and": "&&", "or": "||", "not": "!"}
     numbers: Affine
     slots: tuple[Slot, ...]
-    bounds: Mapping[str, Num]
+    places: dict[int, str]  # how a parameter is read
+    tables: dict[str, np.ndarray]
 
     def c_code(self, limits: dict[int, float]) -> CCode:
         """The whole body, with states, parameters and tables."""
         taken = {self.name(Var(n, True)) for n in self.program.states}
         self.begun, self.past = word("begun", taken), word("past", taken)
-        self.fields, self.places, self.tables = _fields(self.slots, self.numbers), {}, {}
+        self.fields = _fields(self.slots, self.numbers)
+        self.places, self.tables = {}, {}
         for field, at in self.fields.items():
             each = [at] if isinstance(at, int) else at
             self.places |= {k: f"p->{field}" if isinstance(at, int) else f"p->{field}[{i}]" for i, k in enumerate(each)}
@@ -223,7 +224,7 @@ class _C(Text):
             values = [s.value for s in statements(self.program.step) if isinstance(s, Assign) and s.target == n]
             if len(values) == 1:
                 return self._span(values[0])
-        if isinstance(n, Op) and n.op in ("floor", "int") or isinstance(n, Num):
+        if (isinstance(n, Op) and n.op in ("floor", "int")) or isinstance(n, Num):
             value = n if isinstance(n, Num) else n.args[0]
             return self._span(value) if not isinstance(value, Num) else (math.floor(value.value),) * 2
         if isinstance(n, Op) and n.op in ("min", "max") and isinstance(n.args[1], Num):

@@ -7,8 +7,6 @@ import numpy as np
 
 from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.ir import (
-    COMPARISONS,
-    Ago,
     Assign,
     Body,
     For,
@@ -18,10 +16,8 @@ from sysid.block.compiler.ir import (
     Return,
     Stmt,
     Var,
-    expressions,
-    statements,
 )
-from sysid.block.compiler.text import Text, home, indent, locals_of, uses, variables_in
+from sysid.block.compiler.text import Text, indent
 from sysid.block.writing import Code
 
 

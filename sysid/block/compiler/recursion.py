@@ -124,10 +124,13 @@ class Written(Block):
         from sysid.block.compiler.c_text import Affine, c
 
         program = self.program()
-        base, *ahead = (self.numbers(row) for row in np.eye(len(theta) + 1, len(theta), -1))
-        scalars, rows = ({k: (v, _slopes([n[j][k] for n in ahead], v)) for k, v in base[j].items()} for j in (0, 1))
+        (scalars, rows), *ahead = (self.numbers(each) for each in np.eye(len(theta) + 1, len(theta), -1))
+        affine = Affine(
+            {k: (v, _slopes([each[k] for each, _ in ahead], v)) for k, v in scalars.items()},
+            {k: (v, _slopes([each[k] for _, each in ahead], v)) for k, v in rows.items()},
+        )
         structure = {name: getattr(self, name) for name in program.consts}
-        return c(program, Affine(scalars, rows), structure, self.slots(), theta)
+        return c(program, affine, structure, self.slots(), theta)
 
     def python(self, theta: np.ndarray) -> Code:
         from sysid.block.compiler.python_text import python

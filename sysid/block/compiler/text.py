@@ -33,13 +33,11 @@ from sysid.block.writing import Code, number
 
 _RANK = {"if": 0, "or": 1, "and": 2, "not": 3, **dict.fromkeys(COMPARISONS, 4), "+": 5, "-": 5, "*": 6, "/": 6}
 _RANK |= {"neg": 7, "**": 8}
-_C_WORDS = set(
-    """auto bitand bitor bool case catch char compl const constexpr default delete do double enum explicit export extern
-    false float friend goto inline int long mutable namespace new nullptr operator private protected public register
-    restrict short signed sizeof static struct switch template this throw true typedef typeid typename union unsigned
-    using virtual void volatile wchar_t xor and_eq not_eq or_eq xor_eq""".split()
-    + kwlist
-)
+_KEYWORDS = """auto bitand bitor bool case catch char compl const constexpr default delete do double enum explicit
+export extern false float friend goto inline int long mutable namespace new nullptr operator private protected public
+register restrict short signed sizeof static struct switch template this throw true typedef typeid typename union
+unsigned using virtual void volatile wchar_t xor and_eq not_eq or_eq xor_eq"""
+_C_WORDS = {*_KEYWORDS.split(), *kwlist}
 _C_NAMES = {"pow", "main", "y0", "y1", "yn", "j0", "j1", "jn", "min_of", "max_of", "sum_of", "place_of"}
 _TAKEN = EXPORTED | _C_WORDS | _C_NAMES | {"math", "range", "s", "p", "x", "out", "theta"}  # names for no variable
 
