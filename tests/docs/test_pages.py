@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 import typer
 from often import FULL
@@ -184,6 +185,7 @@ def python_of(page: str, folder: Path, patch: pytest.MonkeyPatch) -> dict:
 def test_python_runs(page, tmp_path, monkeypatch):
     left = python_of(page, tmp_path, monkeypatch)
     check = {"intervals.md": intervals_are_those_of_the_table, "tutorial.md": the_joint_wins, "add-a-block.md": found}
+    check["export.md"] = the_unit_is_the_model
     check.get(page, lambda left: None)(left)
 
 
@@ -201,6 +203,12 @@ def the_joint_wins(left: dict) -> None:
     fits = {name: left[name].fit_percent(left["validation"]) for name in ("first", "joint")}
     assert fits["joint"] > 98.0 > fits["first"] + 20.0
     assert Path("first-fit.png").stat().st_size > 10_000
+
+
+def the_unit_is_the_model(left: dict) -> None:
+    expected = left["fit"].simulate(left["u"])
+    np.testing.assert_array_equal(left["run"]["y"], expected)
+    assert np.abs(left["changed"]["y"] - expected).max() > 0.1
 
 
 def found(left: dict) -> None:
