@@ -2,9 +2,9 @@
 
     python scripts/footprint.py
 
-It needs gcc-avr, avr-libc, simavr, gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm. simavr counts cycles;
-qemu counts instructions, of which a Cortex-M4 takes 1 to 1.5 cycles each. The largest of 300 samples is given, less
-what the call of a function with nothing in it takes.
+It needs gcc-avr, avr-libc, simavr, gcc-arm-none-eabi, libnewlib-arm-none-eabi and qemu-system-arm. simavr counts
+cycles; qemu counts instructions, of which a Cortex-M4 takes 1 to 1.5 cycles each. The largest of 300 samples is given,
+less what a loop without the model takes.
 """
 
 import re
@@ -77,7 +77,14 @@ static const REAL u[] = {INPUTS};
 static NAME_state s;
 static NAME_params p;
 volatile REAL y;
-static void say(unsigned long n) { char text[12]; int k = 0; do { text[k++] = (char)('0' + n % 10); n /= 10; } while (n); while (k) put(text[--k]); put(10); }
+static void say(unsigned long n)
+{
+    char text[12];
+    int k = 0;
+    do { text[k++] = (char)('0' + n % 10); n /= 10; } while (n);
+    while (k) put(text[--k]);
+    put(10);
+}
 int main(void)
 {
     unsigned long most = 0;

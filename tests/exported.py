@@ -4,6 +4,8 @@ import ctypes
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
+from tempfile import mkdtemp
 
 import numpy as np
 import pytest
@@ -141,6 +143,7 @@ class Compiled:
     """The exported C, compiled without a single warning."""
 
     def __init__(self, fit, folder, name="model", single=False, **scale):
+        folder = Path(mkdtemp(dir=folder))  # a library of the same path would be the first one again
         file = export_c.write(fit, folder / f"{name}.c", single, **scale)
         self.source = export_c.written_source(fit, name, single, **scale)
         self.channels = (1, 1) if not hasattr(fit.model, "channels") else fit.model.channels

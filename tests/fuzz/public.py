@@ -20,6 +20,7 @@ PLACES = (
     "sysid.excitations",
     "sysid.export.c",
     "sysid.export.closed_form",
+    "sysid.export.fmu",
     "sysid.export.matlab",
     "sysid.export.mjcf",
     "sysid.export.python",
@@ -48,7 +49,7 @@ PLACES = (
 _RESULTS = """
     Advice Fit NlarxFit Signals Comparison Run Format Excitation Recipe InputError Design Phase Continuous Gain Mode
     Noise OperatingPoint OutputBand Curve Interval Band Root FrequencyResponse Travel Standing Measures Trial Crawl
-    Plan Axis Line Mark Signature Size Bla Parametric Fragment Trend
+    Plan Axis Line Mark Signature Size Bla Parametric Fragment Trend Source Value Unit
     start fault margins measure check_suffix check_together
 """
 RESULTS = frozenset(_RESULTS.split())
