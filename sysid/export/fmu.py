@@ -23,7 +23,8 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import atomic_file, versions
 from sysid.block.writing import number
-from sysid.export.c import Source, Value, written_source
+from sysid.export.c import Source, written_source
+from sysid.export.c_structs import Value
 from sysid.export.program import AnyFit, Offset, channel_counts
 
 VERSIONS = ("3.0", "2.0")

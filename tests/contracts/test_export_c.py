@@ -1,9 +1,11 @@
 """NAME.h and NAME.c of every structure: 10^4 samples beside the fit's, changed parameters, single precision, C++."""
 
 import re
+import runpy
 import shutil
 import subprocess
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -169,3 +171,45 @@ def test_a_block_that_does_not_feed_through_is_said_to_only_if_it_does_not(name)
         longer = u[:end].copy()
         longer[-1] += 1.0
         assert code.feeds or fit.simulate(u[:end])[-1] == fit.simulate(longer)[-1]
+
+
+AVR_SAYS = """
+#include "joint.h"
+static const float u[] = {INPUTS};
+int main(void)
+{
+    joint_state s;
+    joint_init(&s, &joint_fit);
+    clock_start();
+    for (unsigned t = 0; t < sizeof u / sizeof u[0]; ++t) {
+        union { float y; unsigned long bits; } value;
+        value.y = joint_step(&s, &joint_fit, u[t]);
+        for (int k = 28; k >= 0; k -= 4) put("0123456789abcdef"[(value.bits >> k) & 15]);
+        put(10);
+    }
+    over();
+}
+"""
+
+
+def test_a_joint_runs_on_an_eight_bit_processor(tmp_path):
+    """Whose library rounds otherwise: within the tolerance of single precision."""
+    if not shutil.which("avr-gcc") or not shutil.which("simavr"):
+        pytest.skip("avr-gcc and simavr are in Debian's gcc-avr, avr-libc and simavr")
+    tools = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "footprint.py"))
+    fit, u = structure_fit("joint_with_everything")
+    u = u(400)
+    export_c.write(fit, tmp_path / "joint.c", single=True)
+    (tmp_path / "main.c").write_text(
+        tools["AVR_MAIN"] + AVR_SAYS.replace("INPUTS", ", ".join(f"{v!r}f" for v in u.tolist()))
+    )
+    subprocess.run(
+        [*tools["AVR"], "-Wno-unused-function", "main.c", "joint.c", "-o", "a.elf", "-lm"], cwd=tmp_path, check=True
+    )
+    run = ["simavr", "-m", "atmega2560", "-f", "16000000", "a.elf"]
+    done = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60)
+    bits = re.findall(r"\x1b\[32m([0-9a-f]{8})\.", done.stdout + done.stderr)  # its console is green
+    y = np.array([int(b, 16) for b in bits], dtype=np.uint32).view(np.float32)
+    expected = fit.simulate(u)
+    assert len(y) == len(u)
+    assert np.abs(y - expected).max() < SINGLE * np.ptp(expected)
