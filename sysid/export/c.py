@@ -26,6 +26,7 @@ _HELPERS = {
     "sum_of": "(const double *a, const double *b, int n)\n{\n    double sum = 0.0;\n"
     "    for (int i = 0; i < n; ++i) sum += a[i] * b[i];\n    return sum;",
 }
+_BARE = re.compile(r"(?m)^( *)((?:for|if) \([^()]*\)) ([^{\s].*;)( /\*.*\*/)?$")  # a statement that lacks braces
 _CONVERGED = re.compile(r"(fabs\(\w+\) <= )[\d.]+e-\d+( \* \w+\) \{\s+break;)")  # the end of an iteration
 
 
@@ -94,7 +95,7 @@ def _single(text: str) -> str:
     """The same in float; comments stay."""
 
     def code(part: str) -> str:
-        part = re.sub(r"\bdouble\b", "float", part).replace("HUGE_VAL", "HUGE_VALF")
+        part = re.sub(r"\bdouble\b", "float", part)
         part = re.sub(rf"\b(fabs|{'|'.join(LIBM)})\(", r"\1f(", part)
         return re.sub(r"(?<![\w.])(?:\d+\.\d*(?:e[-+]?\d+)?|\d+e[-+]?\d+)", lambda m: _float(m[0]), part)
 
@@ -122,7 +123,7 @@ class _Text(Structs):
             for k, v in _HELPERS.items()
             if re.search(rf"\b{k}\(", body)
         ]
-        math = re.search(r"\bHUGE_VAL\b|\bfabs\(", body + self._values()) or CALLED.search(body)
+        math = re.search(r"\bINFINITY\b|\bfabs\(", body + self._values()) or CALLED.search(body)
         begins = [
             f"    {name}_{self.short[unit.name]}_init({self._arguments(unit, step=False)});"
             for unit in self.units
@@ -130,7 +131,7 @@ class _Text(Structs):
         ]
         init = [
             f"void {name}_init({name}_state *s, const {name}_params *p)",
-            *("{", "    memset(s, 0, sizeof *s);"),
+            *("{", "    (void)memset(s, 0, sizeof *s);"),
             *(begins or ["    (void)p;"]),
             "}",
         ]
@@ -144,7 +145,7 @@ class _Text(Structs):
             "\n".join(init),
             self._step(),
         ]
-        return "\n\n".join(parts) + "\n"
+        return _BARE.sub(r"\1\2 {\4\n\1    \3\n\1}", "\n\n".join(parts) + "\n")
 
     def _values(self) -> str:
         lines = []
@@ -214,7 +215,7 @@ _WIDE = 110  # characters; a compiler need not take more than 4095
 
 
 def _value(value: float) -> str:
-    return number(value).replace("inf", "HUGE_VAL")
+    return number(value).replace("inf", "(double)INFINITY")
 
 
 def _braces(values: np.ndarray | list[float]) -> str:

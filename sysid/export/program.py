@@ -180,7 +180,7 @@ def _network_in_c(fit: NlarxFit) -> CCode:
     lines += [
         f"if (s->diverged != 0.0 || !(fabs(y) <= {number(fit.limit)})) {{",
         "    s->diverged = 1.0;",
-        "    y = HUGE_VAL;",
+        "    y = (double)INFINITY;",
         "}",
     ]
     for name, count, value in (("past_y", na, "y"), ("past_u", past, "x")):
