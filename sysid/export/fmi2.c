@@ -1,13 +1,5 @@
 
 /* FMI 2.0: the functions by the names and arguments of the standard (https://fmi-standard.org, 2.0.5). */
-#ifdef FMI2_FUNCTION_PREFIX
-#define FMI_JOIN(a, b) a##b
-#define FMI_NAME(prefix, name) FMI_JOIN(prefix, name)
-#define FMI(name) FMI_NAME(FMI2_FUNCTION_PREFIX, fmi2##name)
-#else
-#define FMI(name) fmi2##name
-#endif
-
 typedef void (*Log)(void *environment, const char *name, int status, const char *category, const char *message, ...);
 typedef struct {
     Log log;
@@ -51,27 +43,10 @@ EXPORT Instance *FMI(Instantiate)(const char *name, int type, const char *token,
     return instance_of(name, token, type == 0, callbacks->environment, (Callback)callbacks->log);
 }
 
-EXPORT void FMI(FreeInstance)(Instance *i)
-{
-    release(i);
-}
-
 EXPORT int FMI(SetupExperiment)(Instance *i, int has_tolerance, double tolerance, double start, int has_stop,
                                 double stop)
 {
     start_at(i, start);
-    return OK;
-}
-
-EXPORT int FMI(ExitInitializationMode)(Instance *i)
-{
-    i->run.running = true;
-    return OK;
-}
-
-EXPORT int FMI(Reset)(Instance *i)
-{
-    begin(&i->run);
     return OK;
 }
 
@@ -90,46 +65,6 @@ EXPORT int FMI(DoStep)(Instance *i, double from, double h, int no_return)
     return advance(i, from, h);
 }
 
-EXPORT int FMI(GetFMUstate)(Instance *i, void **kept)
-{
-    return save(i, kept);
-}
-
-EXPORT int FMI(SetFMUstate)(Instance *i, void *kept)
-{
-    memcpy(&i->run, kept, sizeof(Run));
-    return OK;
-}
-
-EXPORT int FMI(FreeFMUstate)(Instance *i, void **kept)
-{
-    free(*kept);
-    *kept = NULL;
-    return OK;
-}
-
-EXPORT int FMI(SerializedFMUstateSize)(Instance *i, void *kept, size_t *n)
-{
-    *n = sizeof(Run);
-    return OK;
-}
-
-EXPORT int FMI(SerializeFMUstate)(Instance *i, void *kept, uint8_t *bytes, size_t n)
-{
-    return pack(i, kept, bytes, n);
-}
-
-EXPORT int FMI(DeSerializeFMUstate)(Instance *i, const uint8_t *bytes, size_t n, void **kept)
-{
-    return unpack(i, bytes, n, kept);
-}
-
-EXPORT int FMI(SetTime)(Instance *i, double time)
-{
-    i->run.time = time;
-    return OK;
-}
-
 EXPORT int FMI(NewDiscreteStates)(Instance *i, EventInfo *event)
 {
     tick(&i->run);
@@ -145,34 +80,10 @@ EXPORT int FMI(CompletedIntegratorStep)(Instance *i, int no_return, int *event, 
     return OK;
 }
 
-/* A change of mode, with nothing to do. */
-#define MODE(name) \
-    EXPORT int FMI(name)(Instance *i) \
-    { \
-        return OK; \
-    }
 MODE(EnterInitializationMode)
-MODE(EnterEventMode)
-MODE(EnterContinuousTimeMode)
-MODE(Terminate)
 MODE(CancelStep)
 
-/* Vectors of no continuous states and no event indicators. */
-#define EMPTY(name, type) \
-    EXPORT int FMI(name)(Instance *i, type *values, size_t n) \
-    { \
-        return n == 0 ? OK : report(i, ERROR, "the model has no continuous states and no event indicators"); \
-    }
-EMPTY(SetContinuousStates, const double)
 EMPTY(GetDerivatives, double)
-EMPTY(GetEventIndicators, double)
-EMPTY(GetContinuousStates, double)
-EMPTY(GetNominalsOfContinuousStates, double)
-
-static int none(const Instance *i, size_t n)
-{
-    return n == 0 ? OK : report(i, ERROR, "all variables of the model are of type Real");
-}
 
 /* Variables of other types. */
 #define TYPE(name, type) \
@@ -188,12 +99,6 @@ TYPE(Integer, int)
 TYPE(Boolean, int)
 TYPE(String, char *)
 
-/* What the model description does not offer: the arguments are not looked at. */
-#define LACKS(name, ...) \
-    EXPORT int FMI(name)(Instance *i, __VA_ARGS__) \
-    { \
-        return report(i, ERROR, "fmi2" #name " is not offered by the model"); \
-    }
 LACKS(GetDirectionalDerivative, const uint32_t *a, size_t n, const uint32_t *b, size_t m, const double *s, double *d)
 LACKS(SetRealInputDerivatives, const uint32_t *r, size_t n, const int *o, const double *v)
 LACKS(GetRealOutputDerivatives, const uint32_t *r, size_t n, const int *o, double *v)

@@ -1,13 +1,5 @@
 
 /* FMI 3.0: the functions by the names and arguments of the standard (https://fmi-standard.org/docs/3.0.2). */
-#ifdef FMI3_FUNCTION_PREFIX
-#define FMI_JOIN(a, b) a##b
-#define FMI_NAME(prefix, name) FMI_JOIN(prefix, name)
-#define FMI(name) FMI_NAME(FMI3_FUNCTION_PREFIX, fmi3##name)
-#else
-#define FMI(name) fmi3##name
-#endif
-
 typedef void (*Log)(void *environment, int status, const char *category, const char *message);
 
 static int report(const Instance *instance, int status, const char *message)
@@ -47,27 +39,10 @@ EXPORT Instance *FMI(InstantiateScheduledExecution)(const char *name, const char
     return NULL;
 }
 
-EXPORT void FMI(FreeInstance)(Instance *i)
-{
-    release(i);
-}
-
 EXPORT int FMI(EnterInitializationMode)(Instance *i, bool has_tolerance, double tolerance, double start, bool has_stop,
                                         double stop)
 {
     start_at(i, start);
-    return OK;
-}
-
-EXPORT int FMI(ExitInitializationMode)(Instance *i)
-{
-    i->run.running = true;
-    return OK;
-}
-
-EXPORT int FMI(Reset)(Instance *i)
-{
-    begin(&i->run);
     return OK;
 }
 
@@ -88,46 +63,6 @@ EXPORT int FMI(DoStep)(Instance *i, double from, double h, bool no_return, bool 
     *event = *terminate = *early = false;
     *last = i->run.time;
     return status;
-}
-
-EXPORT int FMI(GetFMUState)(Instance *i, void **kept)
-{
-    return save(i, kept);
-}
-
-EXPORT int FMI(SetFMUState)(Instance *i, void *kept)
-{
-    memcpy(&i->run, kept, sizeof(Run));
-    return OK;
-}
-
-EXPORT int FMI(FreeFMUState)(Instance *i, void **kept)
-{
-    free(*kept);
-    *kept = NULL;
-    return OK;
-}
-
-EXPORT int FMI(SerializedFMUStateSize)(Instance *i, void *kept, size_t *n)
-{
-    *n = sizeof(Run);
-    return OK;
-}
-
-EXPORT int FMI(SerializeFMUState)(Instance *i, void *kept, uint8_t *bytes, size_t n)
-{
-    return pack(i, kept, bytes, n);
-}
-
-EXPORT int FMI(DeserializeFMUState)(Instance *i, const uint8_t *bytes, size_t n, void **kept)
-{
-    return unpack(i, bytes, n, kept);
-}
-
-EXPORT int FMI(SetTime)(Instance *i, double time)
-{
-    i->run.time = time;
-    return OK;
 }
 
 EXPORT int FMI(UpdateDiscreteStates)(Instance *i, bool *again, bool *terminate, bool *nominals, bool *values,
@@ -158,36 +93,12 @@ EXPORT int FMI(GetNumberOfEventIndicators)(Instance *i, size_t *n)
     return OK;
 }
 
-/* A change of mode, with nothing to do. */
-#define MODE(name) \
-    EXPORT int FMI(name)(Instance *i) \
-    { \
-        return OK; \
-    }
-MODE(EnterEventMode)
-MODE(EnterContinuousTimeMode)
 MODE(EnterStepMode)
 MODE(EnterConfigurationMode)
 MODE(ExitConfigurationMode)
 MODE(EvaluateDiscreteStates)
-MODE(Terminate)
 
-/* Vectors of no continuous states and no event indicators. */
-#define EMPTY(name, type) \
-    EXPORT int FMI(name)(Instance *i, type *values, size_t n) \
-    { \
-        return n == 0 ? OK : report(i, ERROR, "the model has no continuous states and no event indicators"); \
-    }
-EMPTY(SetContinuousStates, const double)
 EMPTY(GetContinuousStateDerivatives, double)
-EMPTY(GetEventIndicators, double)
-EMPTY(GetContinuousStates, double)
-EMPTY(GetNominalsOfContinuousStates, double)
-
-static int none(const Instance *i, size_t n)
-{
-    return n == 0 ? OK : report(i, ERROR, "all variables of the model are of type Float64");
-}
 
 /* Variables of other types. */
 #define TYPE(name, type) \
@@ -212,12 +123,6 @@ TYPE(UInt64, uint64_t)
 TYPE(Boolean, bool)
 TYPE(String, char *)
 
-/* What the model description does not offer: the arguments are not looked at. */
-#define LACKS(name, ...) \
-    EXPORT int FMI(name)(Instance *i, __VA_ARGS__) \
-    { \
-        return report(i, ERROR, "fmi3" #name " is not offered by the model"); \
-    }
 LACKS(GetBinary, const uint32_t *r, size_t n, size_t *sizes, const uint8_t **v, size_t m)
 LACKS(SetBinary, const uint32_t *r, size_t n, const size_t *sizes, const uint8_t *const *v, size_t m)
 LACKS(GetClock, const uint32_t *r, size_t n, bool *v)

@@ -25,6 +25,14 @@
 #define EXPORT
 #endif
 
+#ifdef FMI3_FUNCTION_PREFIX
+#define FMI_JOIN(a, b) a##b
+#define FMI_NAME(prefix, name) FMI_JOIN(prefix, name)
+#define FMI(name) FMI_NAME(FMI3_FUNCTION_PREFIX, fmi3##name)
+#else
+#define FMI(name) fmi3##name
+#endif
+
 typedef void (*Callback)(void); /* of any type */
 
 enum { OK, WARNING, DISCARD, ERROR }; /* status, as both versions number it */
@@ -164,26 +172,102 @@ static void start_at(Instance *instance, double time)
     instance->run.start = instance->run.time = time;
 }
 
-static int save(Instance *instance, void **kept)
+/* Functions that both versions have. */
+EXPORT void FMI(FreeInstance)(Instance *i)
 {
-    if (!*kept) *kept = calloc(1, sizeof(Run));
-    if (!*kept) return report(instance, ERROR, "there is no memory left");
-    memcpy(*kept, &instance->run, sizeof(Run));
+    release(i);
+}
+
+EXPORT int FMI(ExitInitializationMode)(Instance *i)
+{
+    i->run.running = true;
     return OK;
 }
 
-static int pack(Instance *instance, const void *kept, uint8_t *bytes, size_t n)
+EXPORT int FMI(Reset)(Instance *i)
 {
-    if (n < sizeof(Run)) return report(instance, ERROR, "the place for the state is too small");
+    begin(&i->run);
+    return OK;
+}
+
+EXPORT int FMI(SetTime)(Instance *i, double time)
+{
+    i->run.time = time;
+    return OK;
+}
+
+EXPORT int FMI(GetFMUState)(Instance *i, void **kept)
+{
+    if (!*kept) *kept = calloc(1, sizeof(Run));
+    if (!*kept) return report(i, ERROR, "there is no memory left");
+    memcpy(*kept, &i->run, sizeof(Run));
+    return OK;
+}
+
+EXPORT int FMI(SetFMUState)(Instance *i, void *kept)
+{
+    memcpy(&i->run, kept, sizeof(Run));
+    return OK;
+}
+
+EXPORT int FMI(FreeFMUState)(Instance *i, void **kept)
+{
+    free(*kept);
+    *kept = NULL;
+    return OK;
+}
+
+EXPORT int FMI(SerializedFMUStateSize)(Instance *i, void *kept, size_t *n)
+{
+    *n = sizeof(Run);
+    return OK;
+}
+
+EXPORT int FMI(SerializeFMUState)(Instance *i, void *kept, uint8_t *bytes, size_t n)
+{
+    if (n < sizeof(Run)) return report(i, ERROR, "the place for the state is too small");
     memcpy(bytes, kept, sizeof(Run));
     return OK;
 }
 
-static int unpack(Instance *instance, const uint8_t *bytes, size_t n, void **kept)
+EXPORT int FMI(DeserializeFMUState)(Instance *i, const uint8_t *bytes, size_t n, void **kept)
 {
-    if (n != sizeof(Run)) return report(instance, ERROR, "these bytes are no state of this model");
+    if (n != sizeof(Run)) return report(i, ERROR, "these bytes are no state of this model");
     if (!*kept) *kept = calloc(1, sizeof(Run));
-    if (!*kept) return report(instance, ERROR, "there is no memory left");
+    if (!*kept) return report(i, ERROR, "there is no memory left");
     memcpy(*kept, bytes, sizeof(Run));
     return OK;
 }
+
+/* A change of mode, with nothing to do. */
+#define MODE(name) \
+    EXPORT int FMI(name)(Instance *i) \
+    { \
+        return OK; \
+    }
+MODE(EnterEventMode)
+MODE(EnterContinuousTimeMode)
+MODE(Terminate)
+
+/* Vectors of no continuous states and no event indicators. */
+#define EMPTY(name, type) \
+    EXPORT int FMI(name)(Instance *i, type *values, size_t n) \
+    { \
+        return n == 0 ? OK : report(i, ERROR, "the model has no continuous states and no event indicators"); \
+    }
+EMPTY(SetContinuousStates, const double)
+EMPTY(GetEventIndicators, double)
+EMPTY(GetContinuousStates, double)
+EMPTY(GetNominalsOfContinuousStates, double)
+
+static int none(const Instance *i, size_t n)
+{
+    return n == 0 ? OK : report(i, ERROR, "all variables of the model are real numbers");
+}
+
+/* What the model description does not offer: the arguments are not looked at. */
+#define LACKS(name, ...) \
+    EXPORT int FMI(name)(Instance *i, __VA_ARGS__) \
+    { \
+        return report(i, ERROR, "fmi3" #name " is not offered by the model"); \
+    }

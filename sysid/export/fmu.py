@@ -35,6 +35,8 @@ _SYSTEMS = {
     "win32": ("windows", "win", ".dll"),
 }
 _MACHINES = {"amd64": "x86_64", "arm64": "aarch64", "i386": "x86", "i686": "x86"}
+# Names of `fmu.c` in FMI 2.0
+_OLDER = (("fmi3", "fmi2"), ("FMI3", "FMI2"), ("FMUState", "FMUstate"), ("Deserialize", "DeSerialize"))
 _FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC")  # no contraction: the numbers of every machine
 _SECONDS = 120.0  # for the compiler
 _DEFAULT_SAMPLES = 100  # of the default experiment
@@ -68,7 +70,11 @@ def write(
     one = channel_counts(fit) == (1, 1)
     resting = ", ".join(number(v) for v in _resting(source))
     step = f"y[0] = {name}_step(s, &run->p, run->u[0]);" if one else f"{name}_step(s, &run->p, run->u, y);"
-    wrapper = "".join((_HERE / part).read_text(encoding="utf-8") for part in ("fmu.c", f"fmi{version[0]}.c"))
+    common, own = ((_HERE / part).read_text(encoding="utf-8") for part in ("fmu.c", f"fmi{version[0]}.c"))
+    if version == "2.0":
+        for newer, older in _OLDER:
+            common = common.replace(newer, older)
+    wrapper = common + own
     wrapper = wrapper.replace("RESTING", f"{{{resting}}}").replace("STEP\n", f"{step}\n").replace("NAME_", f"{name}_")
     wrapper = wrapper.replace("NAME.h", f"{name}.h")
     token = f"{{{uuid.uuid5(uuid.NAMESPACE_URL, version + source.header + source.text + wrapper)}}}"
