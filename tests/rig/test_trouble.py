@@ -122,6 +122,23 @@ def test_ctrl_c_stops_the_drive_and_keeps_the_log(rig):
         assert wait_for(lambda: not driven(emulator))
 
 
+def test_another_thread_stops_the_drive_at_once_and_sees_what_comes(rig):
+    """Each sample is seen once; STOP goes out at once, whatever the length of a sample is."""
+    with rig(speed=1.5) as (emulator, link, calibration):
+        levels = check_input(Input(to_and_fro(100), 5.0), calibration)
+        threading.Timer(0.5, link.stop).start()
+        began = time.monotonic()
+        recording = play(link, calibration.setup(1023, 1000.0), levels, 5.0)
+        assert time.monotonic() - began < 2.0
+        assert recording.interrupted
+        assert wait_for(lambda: not driven(emulator), 0.5)
+        seen = []
+        link.watch = seen.append
+        recording = play(link, calibration.setup(1023), check_input(Input(to_and_fro(30), TS), calibration), TS)
+        assert [sample.number for sample in seen if len(sample.joints) == 1] == [*range(30)]
+        assert [s.joints[0][0] for s in seen if len(s.joints) == 1] == recording.counts.tolist()
+
+
 def test_a_second_host_is_refused(rig):
     with rig() as (emulator, _, _), pytest.raises(InputError, match="another program holds this port"):
         Link(emulator.port)

@@ -3,7 +3,7 @@
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -24,13 +24,14 @@ class Lost(InputError):  # noqa: N818 - reads as what it says
 class Link(Closing):
     """A rig on `port`, open and greeted; a context manager that stops the rig and closes the port at its end.
 
-    `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. Raises
-    InputError where the port cannot be opened, is held by another program, or answers something else; every call raises
-    Lost once the port is gone.
+    `identity` is what the firmware said of itself; `rig_seconds` is how long the rig was played or read. `watch` gets
+    each sample as it comes, in the loop that receives. Raises InputError where the port cannot be opened, is held by
+    another program, or answers something else; every call raises Lost once the port is gone.
     """
 
-    def __init__(self, port: str) -> None:
-        self.port = port
+    def __init__(self, port: str, watch: Callable[[wire.Sample], None] = lambda sample: None) -> None:
+        self.port, self.watch = port, watch
+        self._stopping = threading.Event()
         self._serial = _open(port)
         self._receiver = wire.Receiver(wire.FROM_FIRMWARE)
         self._inbox: deque[tuple[int, wire.Message]] = deque()
@@ -50,6 +51,12 @@ class Link(Closing):
             self.send(wire.Stop())
         with suppress(OSError):
             self._serial.close()
+
+    def stop(self) -> None:
+        """Drive off, from any thread: whoever plays or reads gets KeyboardInterrupt, as after Ctrl-C."""
+        self._stopping.set()
+        with suppress(Lost):
+            self.send(wire.Stop())
 
     @property
     def bad(self) -> int:
@@ -125,12 +132,18 @@ class Link(Closing):
 
     def _read(self) -> None:
         """Put what has come into the inbox; waits up to `POLL` if nothing has."""
+        if self._stopping.is_set():
+            self._stopping.clear()
+            raise KeyboardInterrupt
         try:
             data = self._serial.read(self._serial.in_waiting or 1)
         except (OSError, TypeError) as error:  # pyserial reads from None where another thread has closed the port
             raise self._lost(error) from None
         self._foreign += len(data)
-        self._inbox.extend(self._receiver.feed(data))
+        for entry in self._receiver.feed(data):
+            self._inbox.append(entry)
+            if isinstance(entry[1], wire.Sample):
+                self.watch(entry[1])
 
     def _greet(self) -> wire.Identity:
         end = time.monotonic() + GREETING
