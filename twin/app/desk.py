@@ -16,6 +16,7 @@ from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
 from twin.app.entries import Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs
 from twin.app.jobs import Job, Jobs
+from twin.app.rig import Rig
 from twin.app.session import Session
 from twin.parameters import JOINTS
 
@@ -39,6 +40,9 @@ class Desk:
         self.session = session
         self.jobs = jobs or Jobs()
         self._records: dict[str, tuple[float, IOData]] = {}
+        self.rig = Rig(session.folder, self.keep_run)
+        for log in sorted((session.folder / "rig").glob("run-*.csv")):  # of a run during which the app was killed
+            self.keep_run(log, "", f"rig, {log.stem}")
 
     @property
     def version(self) -> tuple[int, int]:
@@ -46,7 +50,8 @@ class Desk:
         return self.session.version, self.jobs.version
 
     def close(self) -> None:
-        """End the jobs; the session stays as it is."""
+        """End the drive of a rig, and the jobs; the session stays as it is."""
+        self.rig.disconnect()
         self.jobs.close()
         self.session.close()
 
@@ -55,6 +60,14 @@ class Desk:
         text = display_name(name)
         entry = Data(name=text, suffix=suffix_of(text))
         key = self.session.add(entry, lambda folder: _move_file(file, folder / entry.file))
+        self.session.change(shown=key)
+        self.read(key)
+        return key
+
+    def keep_run(self, log: Path, joint: str, name: str) -> str:
+        """Take the log of a run on the rig into the session and read it."""
+        entry = Data.from_form({"name": name[:200], "suffix": log.suffix, "joint": joint if joint in JOINTS else ""})
+        key = self.session.add(entry, lambda folder: _move_file(log, folder / entry.file))
         self.session.change(shown=key)
         self.read(key)
         return key

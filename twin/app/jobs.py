@@ -191,13 +191,13 @@ class Jobs:
         self.version += 1
 
 
-def _worker(out: Path) -> "subprocess.Popen[str]":
-    """The process that does a job, in a group of its own."""
+def _worker(out: Path, module: str = "twin.app.tasks") -> "subprocess.Popen[str]":
+    """The process that does a job, in a group of its own; it writes its last words into `out`."""
     root = str(Path(__file__).parents[2])  # for a checkout that is not installed
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
     with (out / "stderr.txt").open("wb") as errors:
         return subprocess.Popen(
-            [sys.executable, "-m", "twin.app.tasks"],
+            [sys.executable, "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,
