@@ -68,7 +68,7 @@ class Chosen:
         return f"{len(self.u):,} levels, one every {self.Ts:g} s: {length:.1f} s, at most {largest:.2f} V"
 
 
-@dataclass
+@dataclass(eq=False)
 class Seen:
     """What came of the rig: `rows` are t [s], counts, duty, supply [counts] and bits of limits of the joint that moves,
     `readings` the counts of all joints at rest. `calibration` and `plan` are those of the movement."""
@@ -77,14 +77,13 @@ class Seen:
     readings: tuple[int, ...] = ()
     calibration: Calibration | None = None
     plan: Chosen | None = None
-    version: int = 0
 
 
 class Rig:
     """The rig of a session. `folder` is the session's; `keep` takes a log into it and gives the id of its record.
 
     `problems` has a sentence for each place of the page where something went wrong, `said` those of a wire check.
-    `version` rises with every change but samples, for which `seen.version` does.
+    `version` rises with every change but samples, which `seen` collects.
     """
 
     def __init__(self, folder: Path, keep: Callable[[Path, str, str], str]) -> None:
@@ -239,7 +238,7 @@ class Rig:
         if do in ("wire", "zero"):
             self.said = []
         if do != "input":
-            self.seen = Seen(readings=self.seen.readings, calibration=self.calibration, version=self.seen.version + 1)
+            self.seen = Seen(readings=self.seen.readings, calibration=self.calibration)
         self._enter(MOVING, do)
         self._send(do=do, **fields)
 
@@ -281,7 +280,6 @@ class Rig:
         if "rows" in answer:
             self.seen.rows += [tuple(row) for row in answer["rows"]]
             self.seen.readings = tuple(answer["readings"]) or self.seen.readings
-            self.seen.version += 1
             return
         self.version += 1
         if "connected" in answer:

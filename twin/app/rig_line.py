@@ -182,7 +182,10 @@ class RigLine:
 
             given = first_input(known, 0)
         else:
-            given = read_input(order["path"])
+            try:
+                given = read_input(order["path"])
+            except InputError as error:
+                raise InputError(str(error).replace(order["path"], order["name"])) from None
         given = replace(given, source=order["name"])
         check_input(given, known)
         self._given = given

@@ -1,5 +1,7 @@
 """The page as a whole, and the routes of the files that it offers."""
 
+from functools import partial
+
 from fastapi import FastAPI
 from fastapi.responses import PlainTextResponse, Response
 from nicegui import app, ui
@@ -11,10 +13,13 @@ from twin.app.page.fit import FitPanel, JobsPanel
 from twin.app.page.panel import View, note
 from twin.app.page.record import AdvicePanel, DataPanel, PreparePanel, SignalsPanel
 from twin.app.page.results import BoardPanel, DetailPanel, rank
+from twin.app.page.rig_live import LivePanel, StopBar
+from twin.app.page.rig_panel import RigPanel
 from twin.app.page.twin_panel import LegPanel, StudyPanel
 
 LOOK = 0.4  # [s] between looks for changes
 PATIENCE = 30.0  # [s] that a busy machine may take to answer before the page starts afresh
+WORK, RIG = "Logs and models", "Rig"  # the two pages
 STYLE = """
 body { background: #eef2f5; }
 .qpal-page { display: grid; gap: 12px; grid-template-columns: minmax(0, 1fr); }
@@ -28,6 +33,7 @@ body { background: #eef2f5; }
 .qpal-download::before { content: "\\2193\\00a0"; }
 .qpal-open::before { content: "\\2197\\00a0"; }
 .qpal-tabs .q-tabs__content { flex-wrap: wrap; }
+@media (max-width: 1023px) { .qpal-first { order: -1; } }
 @media (max-width: 700px) { .qpal-wide { display: none; } }
 @media (min-width: 701px) { .qpal-narrow { display: none; } }
 .qpal-table { border-collapse: collapse; width: 100%; font-size: 14px; }
@@ -80,7 +86,14 @@ def _page(desk: Desk) -> None:
         ui.label(f"session {desk.session.folder.name}").classes("text-caption ellipsis min-w-0").tooltip(
             str(desk.session.folder)
         )
-    with ui.element("div").classes("qpal-page w-full q-pa-sm"):
+        with ui.tabs().props("dense no-caps shrink").classes("q-ml-auto") as tabs:
+            for name in (WORK, RIG):
+                ui.tab(name).props(f'data-mark="page-{name}"').classes("q-px-sm")
+        tabs.set_value(WORK)
+        # what was drawn while its page was hidden takes the width that it has now
+        tabs.on_value_change(lambda: ui.run_javascript("setTimeout(() => dispatchEvent(new Event('resize')), 50)"))
+    StopBar(view)
+    with ui.element("div").classes("qpal-page w-full q-pa-sm").bind_visibility_from(tabs, "value", value=WORK):
         with ui.column().classes("w-full gap-3 min-w-0"):
             for complaint in desk.session.complaints:
                 note(f"{capital(complaint)}.", "text-negative")
@@ -88,6 +101,8 @@ def _page(desk: Desk) -> None:
         with ui.column().classes("w-full gap-3 min-w-0"):
             panels += [JobsPanel(view), SignalsPanel(view), AdvicePanel(view), BoardPanel(view)]
             panels += [DetailPanel(view), LegPanel(view)]
+    with ui.element("div").classes("qpal-page w-full q-pa-sm").bind_visibility_from(tabs, "value", value=RIG):
+        panels += [RigPanel(view, partial(tabs.set_value, WORK)), LivePanel(view)]
 
     def look() -> None:
         _show_new(view)

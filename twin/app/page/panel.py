@@ -22,6 +22,7 @@ class View:
     known: set[str] = field(default_factory=set)
     detail: tuple[str, str] | None = None  # ("models" or "studies", id)
     tab: str = ""
+    moves: bool = False  # whether this window has begun what the rig does now
 
     @property
     def key(self) -> str | None:
@@ -39,7 +40,7 @@ class Panel:
         self.view = view
         self.desk = view.desk
         self._seen: Any = self  # equal to no state
-        with ui.card().classes("w-full gap-2 q-pa-md shadow-1"):
+        with ui.card().classes("w-full gap-2 q-pa-md shadow-1") as self.card:
             if self.title:
                 ui.label(self.title).classes("text-h6 text-primary")
             self.box = ui.column().classes("w-full gap-2")
