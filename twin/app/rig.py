@@ -5,8 +5,8 @@ one rig, whatever the number of its windows, and a port is opened only when a pe
 """
 
 import json
+import shutil
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Callable
@@ -126,12 +126,13 @@ class Rig:
             logs = self.folder / "rig"
             logs.mkdir(exist_ok=True)
             self._scratch = new_scratch_folder()
-            self._process = _worker(Path(tempfile.mkdtemp(dir=self._scratch)), "twin.app.rig_line")
+            self._process = _worker(self._scratch, "twin.app.rig_line")
             emulated = "" if port is not None else f"{joint}-{int(seed)}"
             self.port = Port(port or f"emulated {joint}, seed {int(seed)}", "", 0, emulated)
             self._send(port=port, joint=joint, seed=int(seed), speed=float(speed), folder=str(logs))
             self._enter(CONNECTING, "connect")
-            threading.Thread(target=self._follow, args=(self._process,), daemon=True).start()
+            self._thread = threading.Thread(target=self._follow, args=(self._process,), daemon=True)
+            self._thread.start()
 
     def disconnect(self) -> None:
         """Drive off, and the port free for others."""
@@ -145,6 +146,7 @@ class Rig:
             process.wait(GONE)
         except subprocess.TimeoutExpired:
             _kill(process)
+        self._thread.join()
 
     def use(self, path: str) -> None:
         """Take the calibration in a file of this machine into the session."""
@@ -256,6 +258,7 @@ class Rig:
 
     def _follow(self, process: "subprocess.Popen[str]") -> None:
         """Take what the process says until it ends."""
+        assert process.stdin is not None
         assert process.stdout is not None
         for text in process.stdout:
             answer = json.loads(text)
@@ -266,14 +269,17 @@ class Rig:
                     self.problems[self.doing or "connect"] = str(error)
                     self.version += 1
         code = process.wait()
+        for pipe in (process.stdin, process.stdout):
+            with suppress(OSError):
+                pipe.close()
         with self._lock:
             if code:
-                (folder,) = self._scratch.iterdir()
-                self.problems["connect"] = _last_words(folder, code)
+                self.problems["connect"] = _last_words(self._scratch, code)
             elif self.state != OFF and "connect" not in self.problems:
                 self.problems["connect"] = "the connection has ended"
             self.port = self.question = self.chosen = self.calibration = self._process = None
             self._enter(OFF)
+        shutil.rmtree(self._scratch, ignore_errors=True)
 
     def _hear(self, answer: dict[str, Any]) -> None:
         """Take one answer."""

@@ -36,11 +36,13 @@ class StopBar:
     def __init__(self, view: View) -> None:
         self.view, self.rig = view, view.desk.rig
         ui.add_body_html(KEYS)
-        with ui.footer(value=False).classes("q-pa-sm bg-white") as self._bar, ui.column().classes("w-full gap-1"):
+        self._bar = ui.footer(value=False).classes("q-pa-sm bg-white")
+        with self._bar, ui.column().classes("w-full gap-1") as self._inside:
             self._words = ui.label("").classes("text-caption text-grey-9 break-words").props("data-mark=rig-moves")
             ui.button("Stop: drive off", icon="dangerous", on_click=lambda: self.rig.stop()).props(
                 'color=negative size=lg data-mark=rig-stop aria-label="Stop: drive off"'
             ).classes("w-full text-weight-bold")
+        self._inside.set_visibility(False)
         ui.on("qpal_rig_beat", self._answer)
         ui.context.client.on_disconnect(self._closed)
         ui.timer(BEAT, self._look)
@@ -50,6 +52,7 @@ class StopBar:
         rig = self.rig
         if self._bar.value != rig.driving:
             self._bar.set_value(rig.driving)
+            self._inside.set_visibility(rig.driving)  # a bar that is hidden still has a button, which keys would press
         if not rig.driving:
             if rig.state != MOVING:
                 self.view.moves = False

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from nicegui import events, ui
+from nicegui import events, run, ui
 
 from sysid.base.errors import InputError
 from sysid.base.quantities import capital
@@ -24,7 +24,7 @@ class RigPanel(Panel):
 
     title = "Rig"
 
-    def __init__(self, view: View, leave: Callable[[], None]) -> None:
+    def __init__(self, view: View, leave: Callable[[], object]) -> None:
         self.rig, self._leave = view.desk.rig, leave
         self._values: dict[str, Any] = {
             "port": EMULATED,
@@ -134,9 +134,8 @@ class RigPanel(Panel):
             text = f"it moves, {rig.seen.rows[-1][1]}"
         self._readings.set_text(f"Sensors read {text} of {rig.port.full} counts")
 
-    def _disconnect(self) -> None:
-        self.rig.stop()
-        self.rig.disconnect()
+    async def _disconnect(self) -> None:
+        await run.io_bound(self.rig.disconnect)
 
     def _calibration(self) -> None:
         rig = self.rig
