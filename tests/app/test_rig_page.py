@@ -154,6 +154,8 @@ def test_the_space_bar_and_the_button_stop_and_a_second_window_cannot_drive(page
     rig_page(page, served)
     visible(page, "rig-who")
     second = page.current_window_handle
+    page.execute_script("arguments[0].querySelector('.q-item').click()", marked(page, "rig-wiring"))
+    visible(page, "rig-joint")
     type_in(page, "rig-joint", "a b")
     assert marked(page, "rig-joint").get_attribute("value") == "a b"  # keys are keys where nothing moves
     page.switch_to.window(first)

@@ -13,7 +13,7 @@ LINE = 120  # [bytes] a row of a log takes at the most
 
 @contextmanager
 def room_for(path: Path, size: int) -> Iterator[None]:
-    """Room for a file of `size` bytes beside `path`, held while the rig moves. Raises InputError where there is none."""
+    """Room for a file of `size` bytes beside `path`, held while the rig moves. Raises InputError for none."""
     held = temporary_name(path)
     try:
         with held.open("wb") as file:

@@ -38,7 +38,9 @@ class RigPanel(Panel):
             "largest": 12.0,
             "input": None,
             "angle": None,
+            "open": True,
         }
+        self._known = False  # whether the ends had angles when this was last drawn
         self._asked = ""  # what waits for a yes in this window
         self._readings: ui.label | None = None
         self._question: Any = None
@@ -116,11 +118,6 @@ class RigPanel(Panel):
             ui.button("Disconnect", on_click=self._disconnect).props("flat dense no-caps data-mark=rig-disconnect")
         self._readings = ui.label("").classes("text-caption text-grey-8 tabular-nums").props("data-mark=rig-readings")
         self._calibration()
-        self._wiring()
-        if rig.question is not None:
-            self._ask_angle()
-        for sentence in rig.said:
-            note(f"{capital(sentence)}.")
         if rig.calibration is not None and rig.calibration.is_zeroed:
             self._run()
 
@@ -131,29 +128,39 @@ class RigPanel(Panel):
             return
         text = ", ".join(f"joint {k}: {counts}" for k, counts in enumerate(rig.seen.readings))
         if rig.driving and rig.seen.rows:
-            text = f"it moves, {rig.seen.rows[-1][1]}"
-        self._readings.set_text(f"Sensors read {text} of {rig.port.full} counts")
+            text = f"of the joint that moves: {rig.seen.rows[-1][1]}"
+        self._readings.set_text(f"Readings {text} of {rig.port.full}")
 
     async def _disconnect(self) -> None:
         await run.io_bound(self.rig.disconnect)
 
     def _calibration(self) -> None:
-        rig = self.rig
+        """What is known of the joint, and the ways to know it: of use until the ends have angles."""
+        rig, values = self.rig, self._values
         ui.label("Calibration").classes("text-subtitle2")
         if rig.calibration is None:
             note("None yet: check the wiring, or take that of a file.")
         for sentence in sentences(rig.calibration) if rig.calibration else ():
             note(f"{capital(sentence)}.")
-        with ui.row().classes("w-full items-center no-wrap gap-1"):
-            field = ui.input("path of a rig.toml on this machine").bind_value(self._values, "file")
-            field.props("dense data-mark=rig-file").classes("grow min-w-0")
-            ui.button("Take", on_click=lambda: rig.use(self._values["file"])).props("outline dense data-mark=rig-take")
-        self._problem("calibration")
+        known = rig.calibration is not None and rig.calibration.is_zeroed
+        if known != self._known:
+            self._known, values["open"] = known, not known
+        with ui.expansion("Wiring and ends").classes("w-full").props("dense data-mark=rig-wiring") as box:
+            box.bind_value(values, "open")
+            with ui.row().classes("w-full items-center no-wrap gap-1"):
+                field = ui.input("path of a rig.toml on this machine").bind_value(values, "file")
+                field.props("dense data-mark=rig-file").classes("grow min-w-0")
+                ui.button("Take", on_click=lambda: rig.use(values["file"])).props("outline dense data-mark=rig-take")
+            self._problem("calibration")
+            self._wiring()
+        if rig.question is not None:
+            self._ask_angle()
+        for sentence in rig.said:
+            note(f"{capital(sentence)}.")
 
     def _wiring(self) -> None:
         """The wire check and the run to the ends, each with its warning first."""
         rig, values = self.rig, self._values
-        ui.label("Wire check").classes("text-subtitle2")
         with ui.grid(columns=2).classes("w-full gap-2"):
             ui.input("joint, its name in logs").bind_value(values, "joint").props("dense data-mark=rig-joint")
             self._number("channel", "its number on the board", min=0, max=2, precision=0)
@@ -269,7 +276,7 @@ class RigPanel(Panel):
                     ui.button("Move it", on_click=confirm).props(f"dense color=accent data-mark=rig-yes-{name}")
                     ui.button("Not now", on_click=leave).props("flat dense no-caps")
         else:
-            button = ui.button(words, on_click=ask).classes("w-full").props(f"outline data-mark=rig-{name}")
+            button = ui.button(words, on_click=ask).classes("w-full q-mt-sm").props(f"outline data-mark=rig-{name}")
             button.set_enabled(rig.state == READY)
         if name != "run":
             self._problem(name)
