@@ -246,7 +246,7 @@ def test_a_port_that_another_program_holds_or_that_is_none_is_a_sentence(tmp_pat
         for port, said in (
             (emulator.port, "another program holds this port, perhaps another qpal app"),
             ("/dev/ttyNOPE", "there is no such port"),
-            (str(document), "cannot be opened"),
+            (str(document), "thesis.tex"),
             (" ", "no port is chosen"),
         ):
             desk.rig.connect(port)
@@ -301,15 +301,18 @@ def test_bad_input_is_a_sentence_at_its_place_and_moves_nothing(tmp_path):
         rig.use(str(good))
         assert calibrations.read(tmp_path / "s" / "rig.toml") == rig.calibration == calibrations.read(good)
         (tmp_path / "words.csv").write_text("a,b\n" + "x,y\n" * 20)
+        (tmp_path / "two.csv").write_text("time [s],u1 [V],u2 [V]\n" + "".join(f"{k * TS},1,2\n" for k in range(50)))
         for file, said in (
             (write_design(tmp_path / "high.csv", np.full(50, 9.5)), "choose an input of at most 9 V"),
             (write_design(tmp_path / "few.csv", np.ones(5)), "has 5 samples"),
             (tmp_path / "words.csv", "words.csv"),
+            (tmp_path / "two.csv", "columns time [s] and u [V]"),
         ):
             rig.choose("upload", file.name, file)
             until(rig, lambda: rig.state == READY)
             assert said in rig.problems["input"]
             assert str(tmp_path) not in rig.problems["input"]
+            assert "--" not in rig.problems["input"]
             assert rig.chosen is None
         assert emulator.plant.position(0) == before
         assert emulator.board.state == wire.OFF
@@ -334,7 +337,7 @@ def test_no_sentence_of_the_rig_speaks_of_an_option_of_the_command_line():
                 texts.append("".join(part.value if isinstance(part, ast.Constant) else "7" for part in node.values))
             elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in parts_of_others:
                 texts.append(node.value)
-    named = [text for text in texts if re.search(r"qpal rig |(?<!-)--[a-z]", text) and "\n" not in text]
+    named = [text for text in texts if re.search(r"qpal rig |(?<!-)--[a-z]", text) and "\n" not in text and " " in text]
     assert len(named) > 8
     for text in named:
         left = words_of_page(text).replace("qpal rig in a terminal", "")

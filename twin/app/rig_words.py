@@ -12,6 +12,7 @@ WORDS = (
     (r"make it with qpal rig wire", "check the wiring, which makes it"),
     (r"make (it|the file) anew with qpal rig wire", "check the wiring again, which makes it anew"),
     (r"qpal rig find lists the ports", "choose another port"),
+    (r"qpal rig find lists those of this machine", "choose one of the list"),
     (r"perhaps another qpal rig", "perhaps another qpal app, or qpal rig in a terminal"),
     (r"design it with --volts (\S+)", r"choose an input of at most \1 V"),
     (r"give another --channel", "choose another joint number"),
@@ -23,6 +24,8 @@ def words_of_page(sentence: str) -> str:
     """A sentence of `twin.rig` with the page's controls in place of options of a command line."""
     for pattern, words in WORDS:
         sentence = re.sub(pattern, words, sentence)
+    if re.search(r"--[a-z]", sentence):  # columns of an input, which the page does not ask for
+        return f"{sentence.partition('; ')[0]}; give a file with the columns time [s] and u [V]"
     return sentence
 
 

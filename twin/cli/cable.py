@@ -1,5 +1,6 @@
 """What the verbs of `qpal rig` share: the line to a rig, its calibration, questions before it moves, room for a log."""
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -139,3 +140,24 @@ def kept_logs(folder: Path, scratch: Path) -> "Iterator[Callable[[int, Log], Non
             path.rename(scratch / path.name)
         if place.exists():
             place.rmdir()
+
+
+@contextmanager
+def room_for(path: Path, size: int) -> Iterator[None]:
+    """Room on the disk for a file of `size` bytes beside `path`, held while the rig moves."""
+    from sysid.base.locks import temporary_name
+
+    held = temporary_name(path)
+    try:
+        with held.open("wb") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        held.unlink(missing_ok=True)
+        raise InputError(
+            f"{path}: no room for the log of about {size / 1e6:.1f} MB ({error.strerror}); nothing was moved"
+        ) from None
+    try:
+        yield
+    finally:
+        held.unlink(missing_ok=True)

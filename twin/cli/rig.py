@@ -19,6 +19,7 @@ from twin.cli.cable import (
     kept_logs,
     known_calibration,
     rig_on,
+    room_for,
 )
 from twin.cli.options import Verb
 from twin.cli.output import check_writable_file, run_folder
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from twin.rig.run import Recording
 
 FILE = "rig.toml"  # `twin.rig.calibration.DEFAULT`, whose import would slow the help text down
+LINE = 120  # [bytes] a row of a log takes at the most
 
 Emulate = Annotated[
     str | None,
@@ -176,7 +178,6 @@ def run(
     Limit: 65,535 samples. Progress: the run.
     """
     from sysid.formats import check_written
-    from twin.rig.room import LINE, room_for
     from twin.rig.run import check_input, log_of, play, read_input
 
     given = read_input(design)
