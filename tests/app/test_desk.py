@@ -302,16 +302,16 @@ def test_a_job_that_failed_has_told_why_before_it_says_so():
 def test_a_job_that_cannot_begin_fails_and_the_next_one_begins(monkeypatch):
     """Too many open files, for a moment: the job was "running" for ever, and all others waited for it."""
     jobs, told = Jobs(1), []
-    worker = jobs_module._worker
+    worker = jobs_module.worker
 
     def refused(out):
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr(jobs_module, "_worker", refused)
+    monkeypatch.setattr(jobs_module, "worker", refused)
     first = jobs.submit("x", {"task": "nothing"}, lambda job, said: told.append(said))
     assert (first.state, list(told[0])) == (FAILED, ["failed"])
     assert first.error == "the job cannot begin (Too many open files); end others, and try again"
-    monkeypatch.setattr(jobs_module, "_worker", worker)
+    monkeypatch.setattr(jobs_module, "worker", worker)
     second = jobs.submit("x", {"task": "nothing"}, lambda job, said: told.append(said))
     assert second.state != WAITING
     jobs.close()

@@ -95,7 +95,7 @@ class Jobs:
             if job.over:
                 return
             self._end(job, CANCELLED, "cancelled")
-            _kill(job.process)
+            kill(job.process)
         if job.process is not None:
             job.process.wait()
         shutil.rmtree(job.out, ignore_errors=True)
@@ -130,10 +130,10 @@ class Jobs:
         """Start the process of a job, or end it as failed."""
         job.state, job.progress, job.start_time = RUNNING, "starting", time.monotonic()
         try:
-            job.process = _worker(job.out)
+            job.process = worker(job.out)
             threading.Thread(target=self._follow, args=(job, job.process), daemon=True).start()
         except (OSError, RuntimeError) as error:  # no file, process or thread can be had
-            _kill(job.process)
+            kill(job.process)
             job.error = f"the job cannot begin ({getattr(error, 'strerror', '') or error}); end others, and try again"
             self._tell_owner(job, {"failed": job.error})
             self._end(job, FAILED, "done")
@@ -157,7 +157,7 @@ class Jobs:
                 pipe.close()
         with self._lock:
             if not job.over:
-                job.error = job.error or ("" if code == 0 else _last_words(job.out, code))
+                job.error = job.error or ("" if code == 0 else last_words(job.out, code))
                 if job.error:
                     self._tell_owner(job, {"failed": job.error})  # first: who sees FAILED may ask at once why
                 self._end(job, FAILED if job.error else DONE, "done")
@@ -191,7 +191,7 @@ class Jobs:
         self.version += 1
 
 
-def _worker(out: Path, module: str = "twin.app.tasks") -> "subprocess.Popen[str]":
+def worker(out: Path, module: str = "twin.app.tasks") -> "subprocess.Popen[str]":
     """The process that does a job, in a group of its own; it writes its last words into `out`."""
     root = str(Path(__file__).parents[2])  # for a checkout that is not installed
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
@@ -208,7 +208,7 @@ def _worker(out: Path, module: str = "twin.app.tasks") -> "subprocess.Popen[str]
         )
 
 
-def _kill(process: "subprocess.Popen[str] | None") -> None:
+def kill(process: "subprocess.Popen[str] | None") -> None:
     if process is None or process.poll() is not None:
         return
     with suppress(ProcessLookupError):
@@ -218,7 +218,7 @@ def _kill(process: "subprocess.Popen[str] | None") -> None:
             process.kill()
 
 
-def _last_words(out: Path, code: int) -> str:
+def last_words(out: Path, code: int) -> str:
     try:
         lines = (out / "stderr.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()
     except OSError:

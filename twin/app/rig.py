@@ -19,7 +19,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.locks import new_scratch_folder
-from twin.app.jobs import _kill, _last_words, _worker
+from twin.app.jobs import kill, last_words, worker
 from twin.app.rig_words import words_of_page
 from twin.parameters import JOINTS
 from twin.rig import calibration as calibrations
@@ -82,7 +82,8 @@ class Seen:
 class Rig:
     """The rig of a session. `folder` is the session's; `keep` takes a log into it and gives the id of its record.
 
-    `problems` has a sentence for each place of the page where something went wrong, `said` those of a wire check.
+    `problems` has a sentence for each place of the page where something was refused or went wrong, `said` those of a
+    wire check.
     `version` rises with every change but samples, which `seen` collects.
     """
 
@@ -113,7 +114,7 @@ class Rig:
     # What a person does.
 
     def connect(self, port: str | None, joint: str = "thigh", seed: int = 1, speed: float = 2.0) -> None:
-        """Open a port, or put an emulated leg in its place. Raises InputError where one is open already."""
+        """Open a port, or put an emulated leg in its place; refused where one is open already."""
         with self._lock, self._at("connect"):
             if self.state != OFF:
                 raise InputError(f"this app has a rig already, {self.port.name if self.port else 'or opens one'}")
@@ -126,7 +127,7 @@ class Rig:
             logs = self.folder / "rig"
             logs.mkdir(exist_ok=True)
             self._scratch = new_scratch_folder()
-            self._process = _worker(self._scratch, "twin.app.rig_line")
+            self._process = worker(self._scratch, "twin.app.rig_line")
             emulated = "" if port is not None else f"{joint}-{int(seed)}"
             self.port = Port(port or f"emulated {joint}, seed {int(seed)}", "", 0, emulated)
             self._send(port=port, joint=joint, seed=int(seed), speed=float(speed), folder=str(logs))
@@ -145,7 +146,7 @@ class Rig:
         try:
             process.wait(GONE)
         except subprocess.TimeoutExpired:
-            _kill(process)
+            kill(process)
         self._thread.join()
 
     def use(self, path: str) -> None:
@@ -192,7 +193,7 @@ class Rig:
             self.seen.plan = self.chosen
 
     def answer(self, degrees: float | None) -> None:
-        """The angle at which the joint stands. Raises InputError for none."""
+        """The angle at which the joint stands."""
         with self._lock, self._at("question"):
             if self.question is None:
                 return
@@ -274,7 +275,7 @@ class Rig:
                 pipe.close()
         with self._lock:
             if code:
-                self.problems["connect"] = _last_words(self._scratch, code)
+                self.problems["connect"] = last_words(self._scratch, code)
             elif self.state != OFF and "connect" not in self.problems:
                 self.problems["connect"] = "the connection has ended"
             self.port = self.question = self.chosen = self.calibration = self._process = None
@@ -328,7 +329,7 @@ class Rig:
 
 
 class _Place:
-    """A part of the page: a sentence of trouble goes to its place, and is raised on."""
+    """A part of the page: the sentence of what goes wrong stands there, and ends the block."""
 
     def __init__(self, rig: Rig, place: str) -> None:
         self._rig, self._place = rig, place
@@ -338,6 +339,8 @@ class _Place:
         self._rig.version += 1
 
     def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> bool:
+        if isinstance(error, OSError):
+            error = InputError(f"a file cannot be read or written ({error.strerror or error})")
         if isinstance(error, InputError):
             self._rig.problems[self._place] = words_of_page(str(error))
         return isinstance(error, InputError)

@@ -142,6 +142,9 @@ class RigPanel(Panel):
             note("None yet: check the wiring, or take that of a file.")
         for sentence in sentences(rig.calibration) if rig.calibration else ():
             note(f"{capital(sentence)}.")
+        assert rig.port is not None
+        if rig.calibration is not None and not rig.port.emulated and rig.calibration.port != rig.port.name:
+            note(f"It was found on {rig.calibration.port}: is this the same board?", "text-warning")
         known = rig.calibration is not None and rig.calibration.is_zeroed
         if known != self._known:
             self._known, values["open"] = known, not known
