@@ -110,7 +110,8 @@ def moving(tmp_path):
             rig.choose("upload", "long.csv", design)
             until(rig, lambda: rig.state == READY)
             rig.run()
-            until(rig, lambda: len(rig.seen.rows) > 20)
+            until(rig, lambda: len(rig.seen.rows) > 20 or "run" in rig.problems)
+            assert rig.problems == {}
             yield desk, emulator
 
     return made
@@ -200,10 +201,8 @@ def test_stop_turns_the_drive_off_and_keeps_the_log(moving):
         assert rig.problems["run"] == "the run ended early: it was stopped by hand; the drive is off"
         assert desk.session.data[rig.record].name == "rig shoulder, long.csv"
         rig.stop()  # nothing moves: no harm
-        rig.run()
-        until(rig, lambda: len(rig.seen.rows) > 5)
-        rig.stop()
-        until(rig, lambda: rig.state == READY)
+        rig.seen.readings = ()
+        until(rig, lambda: rig.seen.readings)
 
 
 def test_a_page_that_no_longer_answers_is_a_stop(moving):
@@ -213,8 +212,9 @@ def test_a_page_that_no_longer_answers_is_a_stop(moving):
         assert CLOSED in desk.rig.problems["run"]
 
 
-def test_a_line_that_is_killed_leaves_the_drive_off_and_a_sentence(moving):
-    with moving(speed=1.0) as (desk, emulator):
+def test_a_line_that_is_killed_leaves_the_drive_off_and_a_sentence(moving, monkeypatch):
+    with moving(speed=1.5) as (desk, emulator):
+        monkeypatch.setattr("twin.rig.emulator.PATIENCE", wire.LINK)  # as the firmware, now that nobody speaks
         assert seconds_until_off(emulator, desk.rig._process.kill) < 0.5
         assert emulator.board.state == wire.FAILED
         until(desk.rig, lambda: desk.rig.state == OFF)
