@@ -97,8 +97,10 @@ def write_design(path, u, Ts=TS):
 
 
 @pytest.fixture
-def moving(tmp_path):
+def moving(tmp_path, monkeypatch):
     """A context of a session whose rig plays slow steps on an emulated leg: `with moving(speed=1.0) as (desk, leg)`."""
+
+    monkeypatch.setattr("twin.rig.emulator.PATIENCE", 5.0)  # of a busy machine, which a board does not wait for
 
     @contextmanager
     def made(speed):
