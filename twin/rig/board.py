@@ -99,7 +99,7 @@ class Joint:
     def _goes_against(self) -> bool:
         self.ahead -= self.pace * self.drive
         if self.turned >= self.delay:
-            self.pace = max(self.pace * (1.0 - 1.0 / self.quarter) - 1.0 / 256.0, 0.0)
+            self.pace = max(self.pace - (1.0 + 256.0 * self.pace // self.quarter) / 256.0, 0.0)  # in whole 1/256, as C
         if (self.smooth - self.ahead) * self.drive > 0.0:
             self.ahead = self.smooth
         return (self.ahead - self.smooth) * self.drive >= self.setup.motion
