@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from sysid.base.errors import InputError
-from twin.rig import avr, wire
+from twin.rig import avr, frames, wire
 from twin.rig.avr import Avr, Port
 from twin.rig.faults import KINDS, healthy, outcome
 from twin.rig.scripted import FULL, HIGH, HOLD, LOW, Legs, Run, random_levels
@@ -310,8 +310,8 @@ def test_a_host_opens_the_simulated_board_like_a_port(still):
     with Port(board) as port:
         handle = os.open(port.port, os.O_RDWR | os.O_NOCTTY)
         tty.setraw(handle)
-        os.write(handle, wire.frame(wire.Hello(), 0))
-        receiver, answers = wire.Receiver(wire.FROM_FIRMWARE), []
+        os.write(handle, frames.frame(wire.Hello(), 0))
+        receiver, answers = frames.Receiver(wire.FROM_FIRMWARE), []
         while not answers and select.select([handle], [], [], 10.0)[0]:
             answers = receiver.feed(os.read(handle, 100))
         os.close(handle)

@@ -118,17 +118,15 @@ def test_the_emulator_judges_as_the_firmware(rules, case):
 @pytest.mark.parametrize("steady", [400, 15])
 @pytest.mark.parametrize("speed", [0.8, 1.6, 2.4])
 def test_a_joint_that_coasts_on_is_against_its_drive_at_the_same_tick_for_both(rules, speed, steady):
-    """It goes at `speed` [counts/ms], for long or for just 15 ms, its drive turns, and it never slows down: for how long
-    that is coasting depends on the speed that the lags of 4 and 16 ms make of its places."""
+    """It goes at `speed` [counts/ms], for long or for just 15 ms, its drive turns, and it never slows down: for how
+    long that is coasting depends on the speed that the lags of 4 and 16 ms make of its places."""
     places = np.round(np.concatenate([np.full(100, 1500.0), 1500.0 + speed * np.arange(1, steady + 400)]))
     levels = np.where(np.arange(len(places)) < 100 + steady, 600, -600)
     played, (tick, reason) = of_firmware(rules, places, levels)
     mine, (my_tick, my_reason) = of_emulator(places, levels)
     assert reason == my_reason == wire.DIRECTION
     assert (my_tick, mine) == (tick, played)
-    if (
-        steady == 400
-    ):  # the pace is kept for a delay d, then decays with q, until the joint is the least motion ahead of it
+    if steady == 400:  # the pace is kept for d, then decays with q, until the joint is the motion ahead
         d, q, t = SETUP.stall // 60, 125.0, np.arange(400.0)
         ahead = speed * (t - d - q * (1.0 - np.exp(-(t - d) / q)))
         assert tick - 500 == pytest.approx(np.argmax((ahead >= SETUP.motion) & (t > d)), abs=12)

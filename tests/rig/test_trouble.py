@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sysid.base.errors import InputError
+from twin.rig import frames, wire
 from twin.rig import link as links
-from twin.rig import wire
 from twin.rig.link import Link, Lost
 from twin.rig.run import Input, check_input, log_of, play
 from twin.rig.wiring import find_ends, find_wiring, read_sensors
@@ -185,7 +185,7 @@ def device(monkeypatch):
         (lambda data: b"ok 12.5\r\n", "another device is on this port"),
         (lambda data: data, "another device is on this port"),  # an echo is no answer
         (
-            lambda data: wire.frame(wire.Identity(2, 3, 0, 0, 3, 256, 1023, 16_000_000, b"rig".ljust(16, b"\0")), 0),
+            lambda data: frames.frame(wire.Identity(2, 3, 0, 0, 3, 256, 1023, 16_000_000, b"rig".ljust(16, b"\0")), 0),
             "speaks version 2 of the protocol and this host version 1",
         ),
     ],

@@ -19,7 +19,7 @@ from twin.hardware.potentiometer import potentiometer
 from twin.parameters import JOINTS, Parameters
 from twin.plant import slots
 from twin.plant.stepping import TIMESTEP, boards
-from twin.rig import wire
+from twin.rig import frames, wire
 from twin.rig.board import Board
 from twin.rig.closing import Closing
 from twin.studies.beyond import twin_truth
@@ -156,7 +156,7 @@ class Emulator(Closing):
         self.joint, self.seed, self.speed = joint, seed, speed
         self._garbled, self._lost, self._rng, self._runs = garbled, lost, rng, 0
         self._sequence, self._heard = 0, -np.inf
-        self._receiver = wire.Receiver(wire.FROM_HOST)
+        self._receiver = frames.Receiver(wire.FROM_HOST)
         self._closing, self._pulled = threading.Event(), False
         self._master, self._slave = os.openpty()
         _make_raw(self._slave)
@@ -272,7 +272,7 @@ class Emulator(Closing):
         data = b""
         for message in messages:
             in_run = isinstance(message, wire.Sample) and message.state in (wire.RUNNING, wire.ENDED) and self._runs
-            line = wire.frame(message, self._sequence)[:-1]
+            line = frames.frame(message, self._sequence)[:-1]
             self._sequence += 1
             data += self._damage(line, self._fate if in_run else self._rng) + b"\0"
         while data and not self._pulled and not self._closing.is_set():

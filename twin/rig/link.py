@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from sysid.base.errors import InputError
-from twin.rig import wire
+from twin.rig import frames, wire
 from twin.rig.closing import Closing
 
 GREETING = 4.0  # [s]: a board that the opened port resets starts within 2
@@ -33,7 +33,7 @@ class Link(Closing):
         self.port, self.watch = port, watch
         self._stopping = threading.Event()
         self._serial = _open(port)
-        self._receiver = wire.Receiver(wire.FROM_FIRMWARE)
+        self._receiver = frames.Receiver(wire.FROM_FIRMWARE)
         self._inbox: deque[tuple[int, wire.Message]] = deque()
         self._sequence, self._lock = 0, threading.Lock()
         self._foreign = 0
@@ -74,7 +74,7 @@ class Link(Closing):
             sequence = self._sequence
             self._sequence = (sequence + 1) % 256
             try:
-                self._serial.write(wire.frame(message, sequence))
+                self._serial.write(frames.frame(message, sequence))
             except (OSError, TypeError) as error:
                 raise self._lost(error) from None
         return sequence

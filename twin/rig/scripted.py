@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from twin.rig import wire
+from twin.rig import frames, wire
 from twin.rig.avr import STEP, Avr
 
 FULL = 4092  # counts of a full reading
@@ -54,7 +54,7 @@ class Run:
     def __init__(self, avr: Avr, legs: Legs, levels: np.ndarray, hold: int = HOLD) -> None:
         """Levels (N, 3) [duty], each held for `hold` samples."""
         self.avr, self.legs, self.levels, self.hold = avr, legs, levels, hold
-        self.receiver = wire.Receiver({**wire.FROM_FIRMWARE})
+        self.receiver = frames.Receiver({**wire.FROM_FIRMWARE})
         self.samples: list[wire.Sample] = []
         self.done: list[wire.Done] = []
         self.faults: list[wire.Fault] = []
@@ -68,7 +68,7 @@ class Run:
 
     def say(self, message: wire.Message) -> None:
         """Send a message over what the fault has left of the line."""
-        self.put(self.garble(wire.frame(message, self._sequence)))
+        self.put(self.garble(frames.frame(message, self._sequence)))
         self._sequence += 1
 
     def put(self, data: bytes) -> None:

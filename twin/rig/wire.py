@@ -1,11 +1,10 @@
-"""What host and firmware say to each other, as bytes: frames, messages, and a receiver that counts what is damaged.
+"""What host and firmware say to each other: messages and their payloads, states, refusals and faults.
 
-The numbers are those of docs/rig-protocol.md.
+The numbers are those of docs/rig-protocol.md; `twin.rig.frames` puts messages onto the line.
 """
 
 import struct
-from binascii import crc_hqx
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from typing import ClassVar
 
 from sysid.base.errors import InputError
@@ -16,7 +15,6 @@ FULL = 1023  # duty of the whole supply
 RING = 256  # levels that the firmware keeps, of each joint
 JOINTS = 3
 PAYLOAD = 56  # bytes
-LONGEST = PAYLOAD + 5  # bytes of an encoded frame without its zero: type, sequence, check sum and COBS
 ALIVE_EVERY, LINK = 0.01, 0.04  # [s] between two ALIVE, and without a good frame until the drive goes off
 STORM = 8  # bad frames in a row
 IDLE_RATE = 20.0  # [Hz] of SAMPLE while nothing runs
@@ -263,77 +261,3 @@ class Fault(Plain):
 
 FROM_HOST: dict[int, type[Message]] = {kind.code: kind for kind in (Hello, Setup, Levels, Arm, Start, Stop, Alive)}
 FROM_FIRMWARE: dict[int, type[Message]] = {kind.code: kind for kind in (Identity, Done, Sample, Fault)}
-
-
-def check_sum(body: bytes) -> int:
-    """CRC-16/CCITT-FALSE."""
-    return crc_hqx(body, 0xFFFF)
-
-
-def stuff(body: bytes) -> bytes:
-    """A body of less than 254 bytes without zeros (COBS: Cheshire and Baker, IEEE/ACM Trans. Networking 7(2), 1999)."""
-    return b"".join(bytes([len(part) + 1]) + part for part in body.split(b"\0"))
-
-
-def unstuff(line: bytes) -> bytes:
-    """The body of a line that `stuff` made. Raises Damaged for one that it cannot have made."""
-    parts, place = [], 0
-    while place < len(line):
-        end = place + line[place]
-        if end > len(line):
-            raise Damaged("a frame ends too early")
-        parts.append(line[place + 1 : end])
-        place = end
-    return b"\0".join(parts)
-
-
-def frame(message: Message, sequence: int) -> bytes:
-    """A message as its frame, with the zero at the end."""
-    body = bytes([message.code, sequence & 0xFF]) + message.pack()
-    return stuff(body + struct.pack("<H", check_sum(body))) + b"\0"
-
-
-def message_of(line: bytes, kinds: dict[int, type[Message]]) -> tuple[int, Message]:
-    """Sequence number and message of a frame without its zero. Raises Damaged."""
-    if len(line) > LONGEST:
-        raise Damaged(f"a frame of {len(line)} bytes")
-    body = unstuff(line)
-    if len(body) < 4 or check_sum(body[:-2]) != int.from_bytes(body[-2:], "little"):
-        raise Damaged("wrong check sum")
-    if body[0] not in kinds:
-        raise Damaged(f"unknown type {body[0]:#04x}")
-    return body[1], kinds[body[0]].unpack(body[2:-2])
-
-
-@dataclass
-class Receiver:
-    """Messages from bytes in pieces of any size; counts damaged frames, and those that are missing by their numbers.
-
-    `row` is the number of damaged frames since the last good one.
-    """
-
-    kinds: dict[int, type[Message]]
-    bad: int = 0
-    row: int = 0
-    missing: int = 0
-    _rest: bytearray = field(default_factory=bytearray)
-    _last: int | None = None
-
-    def feed(self, data: bytes) -> list[tuple[int, Message]]:
-        """The messages that end in `data`, with their sequence numbers."""
-        *lines, rest = (bytes(self._rest) + data).split(b"\0")
-        self._rest = bytearray(rest[-4 * LONGEST :])  # what never ends is no frame
-        found = []
-        for line in filter(None, lines):
-            try:
-                sequence, message = message_of(line, self.kinds)
-            except Damaged:
-                self.bad += 1
-                self.row += 1
-                continue
-            self.row = 0
-            if self._last is not None:
-                self.missing += (sequence - self._last - 1) % 256
-            self._last = sequence
-            found.append((sequence, message))
-        return found
