@@ -16,8 +16,8 @@ pytest.importorskip("serial", reason="the rig needs pyserial: pip install 'qpal[
 import twin
 from sysid.base.errors import InputError
 from twin.cli import main
-from twin.cli.cable import kept_logs
 from twin.cli.console import Interruption
+from twin.cli.keeping import kept_logs
 from twin.rig import calibration as calibrations
 from twin.rig.emulator import Emulator
 from twin.rig.link import Link

@@ -1,29 +1,41 @@
-"""What the verbs of `qpal rig` share: the line to a rig, its calibration, questions before it moves, room for a log."""
+"""What the verbs of `qpal rig` share: their options, the line to a rig, its calibration, questions before it moves."""
 
-import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import radians
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from sysid.base.errors import InputError, unknown
 from twin.cli import options
-from twin.cli.console import Interruption
 from twin.cli.output import check_writable_file
-from twin.cli.stopping import hold_requests
 from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
-    from twin.log import Log
     from twin.rig.calibration import Calibration
     from twin.rig.emulator import Emulator
     from twin.rig.link import Link
 
 EMULATED = ("twin",)
+FILE = "rig.toml"  # `twin.rig.calibration.DEFAULT`, whose import would slow the help text down
+
+Emulate = Annotated[
+    str | None,
+    typer.Option("--emulate", metavar="NAME", help=f"a rig without hardware, instead of a port: {', '.join(EMULATED)}"),
+]
+Seed = Annotated[int, options.whole_number("N", "of the emulated leg, its wiring and its noise")]
+Port = Annotated[
+    str | None,
+    typer.Option("--port", metavar="PORT", help="serial port, if not that of --rig; see qpal rig find"),
+]
+RigFile = Annotated[str, typer.Option("--rig", metavar="FILE.toml", help="how the joint is wired, and its limits")]
+Yes = Annotated[bool, typer.Option("--yes", help="move without asking first")]
+Speed = Annotated[
+    float | None, options.number("X", "seconds of the emulated leg in a second; as many as go if not given")
+]
 
 
 @contextmanager
@@ -111,53 +123,19 @@ def check_new_file(path: str) -> None:
     check_writable_file(Path(path))
 
 
-@contextmanager
-def kept_logs(folder: Path, scratch: Path) -> "Iterator[Callable[[int, Log], None]]":
-    """A function that writes the log of an experiment at once, where it stays if the verb is stopped, even killed.
-
-    The logs are in NAME-logs beside `folder`; they move into `scratch` when all is done. Raises InputError where such a
-    folder has logs already.
-    """
-    place = folder.with_name(f"{folder.name}-logs")
-    if place.exists():
-        raise InputError(f"{place} has the logs of a run that was stopped; move it, or give another --out")
-
-    def keep(number: int, log: "Log") -> None:
-        with hold_requests():
-            place.mkdir(parents=True, exist_ok=True)
-            log.save(place / f"experiment-{number}.csv")
-
-    try:
-        yield keep
-    except KeyboardInterrupt:
-        if not place.exists():
-            raise
-        raise Interruption(f"the drive is off; the logs are in {place}") from None
-    except InputError as error:
-        raise error if not place.exists() else InputError(f"{error}; the logs are in {place}") from None
-    with hold_requests():
-        for path in sorted(place.glob("*")):
-            path.rename(scratch / path.name)
-        if place.exists():
-            place.rmdir()
+def same_rig(rig: str, emulate: str | None, seed: int) -> str:
+    """The options with which the next verb finds the same rig."""
+    return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")
 
 
-@contextmanager
-def room_for(path: Path, size: int) -> Iterator[None]:
-    """Room on the disk for a file of `size` bytes beside `path`, held while the rig moves."""
-    from sysid.base.locks import temporary_name
+def speaker(as_json: bool) -> Callable[[str], None]:
+    return (lambda sentence: None) if as_json else print
 
-    held = temporary_name(path)
-    try:
-        with held.open("wb") as file:
-            if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, size)
-    except OSError as error:
-        held.unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: no room for the log of about {size / 1e6:.1f} MB ({error.strerror}); nothing was moved"
-        ) from None
-    try:
-        yield
-    finally:
-        held.unlink(missing_ok=True)
+
+def say(summary: dict[str, Any], as_json: bool, *sentences: str) -> None:
+    from sysid.report.page import to_json
+
+    if as_json:
+        sys.stdout.write(to_json(summary))
+    else:
+        print("\n".join(sentences))

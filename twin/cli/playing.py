@@ -1,0 +1,161 @@
+"""The verbs of `qpal rig` that play: `run` an input, and `auto`, which goes round to values."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from sysid.base.errors import InputError
+from twin.cli import console, options
+from twin.cli.cable import (
+    FILE,
+    Emulate,
+    Port,
+    RigFile,
+    Seed,
+    Speed,
+    Yes,
+    ask,
+    emulated_calibration,
+    known_calibration,
+    rig_on,
+    say,
+)
+from twin.cli.keeping import kept_logs, room_for
+from twin.cli.output import check_writable_file, run_folder
+from twin.cli.results import note_result
+from twin.cli.stopping import hold_requests
+from twin.parameters import JOINTS
+
+if TYPE_CHECKING:
+    from twin.rig.run import Recording
+
+LINE = 120  # [bytes] a row of a log takes at the most
+
+
+def run(
+    design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="time and voltage, as qpal design writes it")],
+    log: Annotated[str, typer.Option("--log", metavar="OUT.csv", help="the log")] = "log.csv",
+    port: Port = None,
+    rig: RigFile = FILE,
+    emulate: Emulate = None,
+    joint: Annotated[str, options.name("joint of an emulated rig without --rig", JOINTS)] = "thigh",
+    seed: Seed = 0,
+    speed: Speed = None,
+    yes: Yes = False,
+    as_json: options.Json = False,
+) -> None:
+    """Play an input on a joint and write its log.
+
+    Ctrl-C, a fault and a pulled cable turn the drive off; the log up to there is written. Exit status 1 if the run
+    ended early.
+
+    Limit: 65,535 samples. Progress: the run.
+    """
+    from sysid.formats import check_written
+    from twin.rig.run import check_input, log_of, play, read_input
+
+    given = read_input(design)
+    if Path(log).exists():
+        raise InputError(f"{log} is there already, and a record cannot be made again; give another --log")
+    check_written(Path(log))
+    check_writable_file(Path(log))
+    known = known_calibration(rig, emulate)
+    joint = joint if known is None else known.joint
+    if known is not None:
+        check_input(given, known)
+    with rig_on(port or (known.port if known else None), emulate, joint, seed, speed) as (link, emulator):
+        calibration = known or emulated_calibration(link, joint, emulator)
+        levels = check_input(given, calibration)
+        setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
+        ask(
+            f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.",
+            yes,
+        )
+        with (
+            room_for(Path(log), LINE * len(levels)),
+            console.progress(1, lines=not as_json, known=True) as step,
+        ):
+            step(f"playing {design}")
+            recording = play(link, setup, levels, given.Ts, lambda share: step.part(share, f"playing {design}"))
+        result = log_of(recording, calibration, link, design)
+        if len(recording.counts):
+            with hold_requests():
+                result.save(log)
+                note_result(log)
+    _end(recording, result.meta, log, as_json)
+
+
+def auto(
+    joint: Annotated[str, typer.Argument(metavar="JOINT", help=f"the joint: {', '.join(JOINTS)}")],
+    experiments: Annotated[int, options.whole_number("N", "experiments, at most")] = 3,
+    budget: Annotated[float, options.number("S", "rig time of all of them, at most")] = 600.0,
+    port: Port = None,
+    rig: RigFile = FILE,
+    emulate: Emulate = None,
+    seed: Seed = 0,
+    yes: Yes = False,
+    out: options.Out = None,
+    as_json: options.Json = False,
+) -> None:
+    """Go round from experiment to values until every value is determined.
+
+    A first sweep, its identification, an experiment designed for what is not determined yet, and so on. The folder
+    has the log of each experiment, the values with intervals, and how they shrank.
+
+    Limit: --experiments. Progress: each part. Budget: --budget.
+    """
+    from sysid.report.page import write
+    from twin.report import rig as report
+    from twin.rig.auto import TS, campaign
+
+    if experiments < 1 or not 0.0 < budget < 1e6:
+        raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
+    known = known_calibration(rig, emulate)
+    if known is not None and known.joint != joint:
+        raise InputError(
+            f"{rig} is of the {known.joint}, not the {joint}; give another --rig, or wire this joint first"
+        )
+    with (
+        run_folder(out, "rig") as (folder, scratch),
+        kept_logs(folder, scratch) as keep,
+        rig_on(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
+    ):
+        ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
+        with console.progress(1 + 3 * experiments, lines=not as_json) as step:
+            step("wiring and ends" if known is None else "first experiment")
+            calibration = known or emulated_calibration(link, joint, emulator)
+            result = campaign(
+                link,
+                calibration,
+                seed,
+                experiments,
+                budget,
+                step=step,
+                share=lambda share: step.part(share, "playing"),
+                keep=keep,
+            )
+            if emulator is not None:
+                result = result.with_truth(emulator.truth(TS))
+        if not result.rounds:
+            raise InputError(f"{result.stopped}; nothing was identified")
+        write(scratch, report.page(result), result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
+    if result.open:
+        raise typer.Exit(1)
+
+
+def _end(recording: "Recording", meta: Any, log: str, as_json: bool) -> None:
+    """What the run has left, in words; exit status 1, or 130 after Ctrl-C, where it ended early."""
+    n = len(recording.counts)
+    written = f"the first {n} samples are in {log}" if n else "no sample was recorded"
+    if recording.interrupted:
+        raise console.Interruption(f"the drive is off; {written}")
+    summary = {"log": log, "samples": n, "lost": len(recording.lost), "rig": meta["rig"], "notes": meta["notes"]}
+    say(summary, as_json, *(f"Note: {note}." for note in meta["notes"]), f"Log: {log}")
+    if recording.reason:
+        print(f"qpal: the run ended early: {recording.reason}; the drive is off, {written}", file=sys.stderr)
+        raise typer.Exit(1)
+    if not as_json:
+        print(f"Next: qpal identify {log} --structure actuated_joint")
