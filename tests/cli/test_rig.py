@@ -222,8 +222,8 @@ def test_logs_of_experiments_outlast_what_stops_them():
     scratch.mkdir()
 
     def stopped(by):
-        with kept_logs(folder, scratch) as keep:
-            keep(1, log)
+        with kept_logs(folder, scratch) as kept:
+            kept.save(1, log)
             assert Path("out-logs/experiment-1.csv").exists()  # also for a process that is killed now
             raise by
 
@@ -234,7 +234,7 @@ def test_logs_of_experiments_outlast_what_stops_them():
         with pytest.raises(InputError, match="out-logs has the logs"), kept_logs(folder, scratch):
             pass
         Path("out-logs").rename(f"moved-{said[:3]}")
-    with kept_logs(folder, scratch) as keep:
-        keep(1, log)
+    with kept_logs(folder, scratch) as kept:
+        kept.save(1, log)
     assert (scratch / "experiment-1.csv").exists()
     assert not Path("out-logs").exists()

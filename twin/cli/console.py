@@ -3,7 +3,7 @@
 import itertools
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
@@ -106,12 +106,19 @@ class Searches:
 
 
 @contextmanager
-def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, known: bool = False) -> Iterator[Steps]:
+def progress(
+    steps: int,
+    shares: Sequence[float] = (),
+    lines: bool = False,
+    known: bool = False,
+    below: Callable[[], Sequence[str]] = tuple,
+) -> Iterator[Steps]:
     """Receives the names of `steps` steps and shows them on a progress bar in a terminal.
 
     `shares` are the parts of the whole that the steps take, see `Steps`. `lines`: without a terminal a line tells the
     progress now and then, so that a log or a pipe shows that a long run lives. `known`: the length of the work is
-    known and `shares` are those of its time, so the time that is left is told too.
+    known and `shares` are those of its time, so the time that is left is told too. `below` gives lines of text that a
+    terminal shows below the bar, drawn in place ten times a second.
     """
     total = sum(shares) or steps
     if not sys.stderr.isatty():
@@ -123,8 +130,14 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, know
         with _every(_SLOW, quiet.tick, line_writer.write):
             yield quiet
         return
-    from rich.console import Console
+    from rich.console import Console, RenderableType
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.text import Text
+
+    class Bar(Progress):
+        def get_renderables(self) -> Iterable[RenderableType]:
+            yield from super().get_renderables()
+            yield from (Text(line, no_wrap=True, overflow="crop") for line in below())
 
     columns = (
         TextColumn("{task.percentage:>3.0f} %"),
@@ -132,7 +145,7 @@ def progress(steps: int, shares: Sequence[float] = (), lines: bool = False, know
         TimeElapsedColumn(),
         TextColumn("{task.description}"),
     )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task, start = bar.add_task("", total=total), time.monotonic()
 
         def update(share: float, name: str) -> None:

@@ -1,6 +1,8 @@
 """The verbs of `qpal rig` that play: `run` an input, and `auto`, which goes round to values."""
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -22,14 +24,16 @@ from twin.cli.cable import (
     rig_on,
     say,
 )
-from twin.cli.keeping import kept_logs, room_for
-from twin.cli.output import check_writable_file, run_folder
+from twin.cli.keeping import check_new_log, kept_logs, room_for, save_log
+from twin.cli.output import run_folder
 from twin.cli.results import note_result
 from twin.cli.stopping import hold_requests
 from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
-    from twin.rig.run import Recording
+    import numpy as np
+
+    from twin.rig.run import Input, Recording
 
 LINE = 120  # [bytes] a row of a log takes at the most
 
@@ -48,19 +52,17 @@ def run(
 ) -> None:
     """Play an input on a joint and write its log.
 
-    Ctrl-C, a fault and a pulled cable turn the drive off; the log up to there is written. Exit status 1 if the run
-    ended early.
+    Any key, Ctrl-C, a fault and a pulled cable turn the drive off; the log up to there is written. Exit status 1 if the
+    run ended early.
 
     Limit: 65,535 samples. Progress: the run.
     """
-    from sysid.formats import check_written
+    from twin.cli.live import Trace, played
+    from twin.rig.journal import journal
     from twin.rig.run import check_input, log_of, play, read_input
 
     given = read_input(design)
-    if Path(log).exists():
-        raise InputError(f"{log} is there already, and a record cannot be made again; give another --log")
-    check_written(Path(log))
-    check_writable_file(Path(log))
+    check_new_log(log)
     known = known_calibration(rig, emulate)
     joint = joint if known is None else known.joint
     if known is not None:
@@ -73,17 +75,20 @@ def run(
             f"The {joint} will move for {len(levels) * given.Ts:.0f} s. Keep clear of it, and a hand on the switch.",
             yes,
         )
-        with (
-            room_for(Path(log), LINE * len(levels)),
-            console.progress(1, lines=not as_json, known=True) as step,
-        ):
-            step(f"playing {design}")
-            recording = play(link, setup, levels, given.Ts, lambda share: step.part(share, f"playing {design}"))
-        result = log_of(recording, calibration, link, design)
-        if len(recording.counts):
-            with hold_requests():
-                result.save(log)
-                note_result(log)
+        trace = Trace(calibration, len(levels), given.Ts)
+        with journal(Path(log), link, calibration, levels, given.Ts, design) as note:
+            with (
+                room_for(Path(log), LINE * len(levels)),
+                console.progress(1, lines=not as_json, known=True, below=tuple if as_json else trace.lines) as step,
+                played(link, note, trace, as_json),
+            ):
+                step(f"playing {design}")
+                recording = play(link, setup, levels, given.Ts, lambda share: step.part(share, f"playing {design}"))
+            result = log_of(recording, calibration, link, design)
+            if len(recording.counts):
+                with hold_requests():
+                    save_log(result, Path(log))
+                    note_result(log)
     _end(recording, result.meta, log, as_json)
 
 
@@ -107,8 +112,10 @@ def auto(
     Limit: --experiments. Progress: each part. Budget: --budget.
     """
     from sysid.report.page import write
+    from twin.cli.live import Trace, played
     from twin.report import rig as report
     from twin.rig.auto import TS, campaign
+    from twin.rig.journal import journal
 
     if experiments < 1 or not 0.0 < budget < 1e6:
         raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
@@ -117,15 +124,29 @@ def auto(
         raise InputError(
             f"{rig} is of the {known.joint}, not the {joint}; give another --rig, or wire this joint first"
         )
+    shown: list[Trace] = []
     with (
         run_folder(out, "rig") as (folder, scratch),
-        kept_logs(folder, scratch) as keep,
+        kept_logs(folder, scratch, as_json) as kept,
         rig_on(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
     ):
         ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
-        with console.progress(1 + 3 * experiments, lines=not as_json) as step:
+        with console.progress(
+            1 + 3 * experiments,
+            lines=not as_json,
+            below=lambda: [line for trace in shown for line in trace.lines()] if not as_json else (),
+        ) as step:
             step("wiring and ends" if known is None else "first experiment")
             calibration = known or emulated_calibration(link, joint, emulator)
+
+            @contextmanager
+            def around(number: int, given: "Input", levels: "np.ndarray") -> Iterator[None]:
+                shown.append(Trace(calibration, len(levels), given.Ts))
+                with journal(kept.path(number), link, calibration, levels, given.Ts, given.source) as note:
+                    with played(link, note, shown[0], as_json):
+                        yield
+                    shown.clear()
+
             result = campaign(
                 link,
                 calibration,
@@ -134,14 +155,19 @@ def auto(
                 budget,
                 step=step,
                 share=lambda share: step.part(share, "playing"),
-                keep=keep,
+                keep=kept.save,
+                around=around,
             )
             if emulator is not None:
                 result = result.with_truth(emulator.truth(TS))
+        if not result.rounds and result.interrupted:
+            raise KeyboardInterrupt
         if not result.rounds:
             raise InputError(f"{result.stopped}; nothing was identified")
         write(scratch, report.page(result), result.as_dict())
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
+    if result.interrupted:
+        raise console.Interruption(f"the drive is off; the experiments before are in {folder}")
     if result.open:
         raise typer.Exit(1)
 
@@ -150,9 +176,17 @@ def _end(recording: "Recording", meta: Any, log: str, as_json: bool) -> None:
     """What the run has left, in words; exit status 1, or 130 after Ctrl-C, where it ended early."""
     n = len(recording.counts)
     written = f"the first {n} samples are in {log}" if n else "no sample was recorded"
+    summary = {
+        "log": log if n else None,
+        "samples": n,
+        "lost": len(recording.lost),
+        "rig": meta["rig"],
+        "notes": meta["notes"],
+    }
     if recording.interrupted:
+        if as_json:
+            say(summary, as_json)
         raise console.Interruption(f"the drive is off; {written}")
-    summary = {"log": log, "samples": n, "lost": len(recording.lost), "rig": meta["rig"], "notes": meta["notes"]}
     say(summary, as_json, *(f"Note: {note}." for note in meta["notes"]), f"Log: {log}")
     if recording.reason:
         print(f"qpal: the run ended early: {recording.reason}; the drive is off, {written}", file=sys.stderr)

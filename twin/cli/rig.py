@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -24,6 +25,7 @@ from twin.cli.cable import (
     say,
     speaker,
 )
+from twin.cli.keeping import recover_logs
 from twin.cli.options import Verb
 from twin.cli.playing import auto, run
 from twin.cli.results import note_result
@@ -139,4 +141,27 @@ def zero(
     )
 
 
-VERBS: dict[str, Callable[..., None]] = {"find": find, "wire": wire, "zero": zero, "run": run, "auto": auto}
+def recover(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="the folder of the log that was to be")] = ".",
+    as_json: options.Json = False,
+) -> None:
+    """Make the logs of runs that were killed.
+
+    While a run plays, its samples are in a journal beside its log. The next qpal rig run in that folder does the same.
+
+    Limit: the journals of one folder.
+    """
+    if not Path(folder).is_dir():
+        raise InputError(f"{folder} is no folder; give the one in which the run was to write its log")
+    made = [str(path) for path in recover_logs(Path(folder))]
+    say({"logs": made}, as_json, *([f"Next: qpal info {path}" for path in made] or [f"no run in {folder} was killed"]))
+
+
+VERBS: dict[str, Callable[..., None]] = {
+    "find": find,
+    "wire": wire,
+    "zero": zero,
+    "run": run,
+    "auto": auto,
+    "recover": recover,
+}

@@ -1,6 +1,7 @@
 """From a rig to values: sweep, identify, design what is not determined yet, and again, until all is."""
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,12 +48,13 @@ class Round:
 @dataclass(frozen=True)
 class Campaign:
     """The experiments on a joint; `truth` are the hidden values of an emulated one. `stopped` says why it ended before
-    all values were determined, empty if they are."""
+    all values were determined, empty if they are; `interrupted`: a person stopped it."""
 
     joint: str
     rounds: tuple[Round, ...]
     rig_seconds: float
     stopped: str = ""
+    interrupted: bool = False
     truth: Mapping[str, float] | None = None
 
     def values_after(self, k: int) -> dict[str, JointValue]:
@@ -118,12 +120,14 @@ def campaign(
     step: Callable[[str], None] = lambda name: None,
     share: Callable[[float], None] = lambda share: None,
     keep: Callable[[int, Log], object] = lambda number, log: None,
+    around: Callable[[int, Input, np.ndarray], AbstractContextManager[object]] = lambda *_: nullcontext(),
 ) -> Campaign:
     """Experiments on the joint of `calibration`, at most `most`, until every value of `ASKED` is determined.
 
     `budget` [s] is the rig time of all together: a designed experiment has only those of its parts that fit into it.
 
-    `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there.
+    `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there;
+    `around` (number, input, levels) gives the context in which both happen.
     With `plain_sweeps` every experiment is another sweep, to compare with. A fault that leaves less than `LEAST` s, a
     lost port, Ctrl-C and a design that is refused end it with what is known until then.
     """
@@ -136,14 +140,15 @@ def campaign(
         assert calibration.crossing is not None
         go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, 2.0 * calibration.crossing)
         levels = check_input(given, calibration)
-        recording = play(
-            link, calibration.setup(link.identity.full, calibration.patience(levels, given.Ts)), levels, given.Ts, share
-        )
-        log = log_of(recording, calibration, link, given.source)
-        keep(number, log)
+        setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
+        with around(number, given, levels):
+            recording = play(link, setup, levels, given.Ts, share)
+            log = log_of(recording, calibration, link, given.source)
+            keep(number, log)
         done = replace(done, rig_seconds=link.rig_seconds)
         if recording.interrupted or (recording.reason and recording.duration < LEAST):
-            return replace(done, stopped=f"experiment {number} ended early: {recording.reason}")
+            reason = f"experiment {number} ended early: {recording.reason}"
+            return replace(done, stopped=reason, interrupted=recording.interrupted)
         step(f"experiment {number}: identifying")
         data = log.io()
         found = fit_joint(data, actuated_joint(play=False, driver_step=calibration.supply / wire.FULL), seed=seed)

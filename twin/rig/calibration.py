@@ -216,6 +216,11 @@ def read(path: str | Path) -> Calibration:
     return _valid(content, str(source), "correct it, or make the file anew with qpal rig wire")
 
 
+def from_dict(content: dict[str, Any], source: str) -> Calibration:
+    """The calibration whose values are in `content`. Raises InputError for what is none."""
+    return _valid(content, source, "it is damaged")
+
+
 def _valid(content: dict[str, Any], source: str, remedy: str) -> Calibration:
     try:
         return Calibration.model_validate(content)

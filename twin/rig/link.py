@@ -86,9 +86,11 @@ class Link(Closing):
         while self._inbox:
             yield self._inbox.popleft()[1]
 
-    def forget(self) -> None:
-        """Drop what has come and was not received: it is of the time before a run."""
+    def forget(self) -> list[wire.Message]:
+        """Drop what has come and was not received, as it is of the time before a run, or after its end; returns it."""
+        rest = [message for _, message in self._inbox]
         self._inbox.clear()
+        return rest
 
     def ask(self, message: wire.Message, repeat: bool = True, seconds: float = ANSWER) -> int | None:
         """The reason in the answer to a message: 0 done, else a number of `wire.REFUSALS`; None if none came.

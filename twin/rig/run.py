@@ -107,8 +107,8 @@ def check_input(given: Input, calibration: Calibration) -> np.ndarray:
     return calibration.levels(u)
 
 
-class _Early(Exception):  # noqa: N818 - the end of a run
-    """A run ended before its time: the sentence, and the number of the fault."""
+class Early(Exception):  # noqa: N818 - the end of a run
+    """A run ends before its time: the sentence, and the number of the fault. What watches a link may raise it."""
 
     def __init__(self, reason: str, fault: int = 0) -> None:
         super().__init__(reason)
@@ -159,7 +159,7 @@ class _Player:
         return self.seen > 0
 
     def play(self) -> None:
-        """To the end of the run; raises _Early if that comes before its time."""
+        """To the end of the run; raises Early if that comes before its time."""
         told = 0.0
         while not self.ended:
             self.listen()
@@ -170,7 +170,7 @@ class _Player:
                 told = self.seen
                 self.progress(self.seen / len(self.levels))
             if time.monotonic() - self.heard > SILENCE + 5.0 * self.Ts:
-                raise _Early("the rig went silent")
+                raise Early("the rig went silent")
 
     def _send_levels(self, room: int) -> int | None:
         n = min(FRAME, room, len(self.levels) - self.sent)
@@ -188,7 +188,7 @@ class _Player:
                 if message.clock == self.link.fault_clock:
                     continue
                 self.link.fault_clock = message.clock
-                raise _Early(wire.FAULTS.get(message.reason, f"fault {message.reason}"), message.reason)
+                raise Early(wire.FAULTS.get(message.reason, f"fault {message.reason}"), message.reason)
             if not isinstance(message, wire.Sample):
                 continue
             if len(message.joints) == 1:
@@ -196,9 +196,9 @@ class _Player:
             elif message.state == wire.ENDED:
                 self.ended = True
             elif message.state == wire.FAILED:
-                raise _Early("of a fault whose message was lost")
+                raise Early("of a fault whose message was lost")
             elif message.state == wire.OFF:
-                raise _Early("the board has begun anew: it lost its power or was reset")
+                raise Early("the board has begun anew: it lost its power or was reset")
 
     def _take(self, message: wire.Sample) -> None:
         k = message.number
@@ -208,8 +208,11 @@ class _Player:
         self.limits[k], self.supply[k], self.room = message.limits, message.supply, message.free
         self.seen, self.ended = k + 1, message.state == wire.ENDED
 
-    def recording(self, error: _Early | Lost | KeyboardInterrupt | None, before: tuple[int, int]) -> Recording:
+    def recording(self, error: Early | Lost | KeyboardInterrupt | None, before: tuple[int, int]) -> Recording:
         """What came until now."""
+        for message in self.link.forget():
+            if isinstance(message, wire.Sample) and len(message.joints) == 1:
+                self._take(message)
         n = len(self.levels) if self.ended else self.seen
         stopped = isinstance(error, KeyboardInterrupt)
         return Recording(
@@ -239,12 +242,12 @@ def play(
     refuses to begin.
     """
     player, before = _Player(link, levels, Ts, progress), (link.bad, link.missing)
-    error: _Early | Lost | KeyboardInterrupt | None = None
+    error: Early | Lost | KeyboardInterrupt | None = None
     with link.alive():
         try:
             player.begin(setup)
             player.play()
-        except (_Early, KeyboardInterrupt) as early:
+        except (Early, KeyboardInterrupt) as early:
             error = early
         except Lost as lost:
             if not player.seen:
@@ -264,16 +267,21 @@ def _done(reason: int | None, what: str) -> None:
 
 
 def log_of(recording: Recording, calibration: Calibration, link: Link, source: str = "") -> Log:
+    """The log of a recording that has just come over `link`; see `log_of_run`."""
+    return log_of_run(recording, calibration, f"{link.identity.name} {link.identity.firmware}", link.port, source)
+
+
+def log_of_run(recording: Recording, calibration: Calibration, firmware: str, port: str, source: str = "") -> Log:
     """The log of a recording: voltages as played, angles, and what a reader has to know of the rig.
 
     A lost sample has no angle: it is nan, and its number is in `meta["filled"]`.
     """
-    identity, lost = link.identity, recording.lost
+    lost = recording.lost
     supply = recording.supply[~np.isnan(recording.supply)]
     first_supply = supply[0] if len(supply) else np.nan
     rig: dict[str, Any] = {
-        "firmware": f"{identity.name} {identity.firmware}",
-        "port": link.port,
+        "firmware": firmware,
+        "port": port,
         "supply": calibration.supply,
         "lowest_supply_percent": round(100.0 * float(supply.min() / first_supply), 1) if len(supply) else None,
         "damaged_frames": recording.bad,
