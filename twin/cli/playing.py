@@ -41,6 +41,10 @@ LINE = 120  # [bytes] a row of a log takes at the most
 def run(
     design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="time and voltage, as qpal design writes it")],
     log: Annotated[str, typer.Option("--log", metavar="OUT.csv", help="the log")] = "log.csv",
+    input: options.Input = None,
+    ts: options.Ts = None,
+    time: options.Time = None,
+    time_unit: options.TimeUnit = None,
     port: Port = None,
     rig: RigFile = FILE,
     emulate: Emulate = None,
@@ -57,11 +61,12 @@ def run(
 
     Limit: 65,535 samples. Progress: the run.
     """
+    from sysid.channels.guess import Given
     from twin.cli.live import Trace, played
     from twin.rig.journal import journal
     from twin.rig.run import check_input, log_of, play, read_input
 
-    given = read_input(design)
+    given = read_input(design, Given(input=input, time=time, time_unit=time_unit, Ts=ts))
     check_new_log(log)
     known = known_calibration(rig, emulate)
     joint = joint if known is None else known.joint

@@ -66,23 +66,38 @@ class Recording:
         return len(self.counts) * self.Ts
 
 
-def read_input(path: str | Path) -> Input:
+def read_input(path: str | Path, given: Given = Given()) -> Input:  # noqa: B008 - it is frozen
     """The input in a file with a clock and a voltage: a design, a log of the rig or of the twin, a table of one's own.
 
-    Raises InputError where no column is the input beyond doubt, or it is not in volts.
+    Columns and the sampling time are guessed as far as they are not `given`. Raises InputError where no column is the
+    input, or none or more than one the clock, beyond doubt, where a level is missing, and where it is not in volts.
     """
     table = read_table(path)
-    mapping = guess(table, Given()).mapping.model_copy(update={"output": (), "other": (), "range": Range()})
+    guessed = guess(table, given)
+    mapping = guessed.mapping.model_copy(update={"output": (), "other": (), "range": Range()})
+    # An input needs no output, so what is unclear of that does not matter.
+    if unclear := [text for text in guessed.unclear if any(name in text for name in ("--input", "--time", "--ts"))]:
+        raise InputError(f"{path}: {unclear[0].partition(' (in a mapping')[0]}")
     if len(mapping.input) != 1 or not mapping.input[0].column:
         raise InputError(
             f"{path}: no column is the one voltage to play; give a file with the columns time [s] and u [V], as qpal "
             "design writes it"
         )
-    signals = sample(table, mapping)
-    (u,) = signals.input
+    try:
+        signals = sample(table, mapping)
+    except InputError as error:  # its remedies are those for logs, of which some samples may be filled
+        raise InputError(f"{str(error).partition('; ')[0]}; {_WHOLE}") from None
+    (u,), steps = signals.input, signals.sampling.steps
+    if signals.sampling.interpolated:
+        raise InputError(f"{path}: its steps of time are {steps.min():.4g} to {steps.max():.4g} s; {_WHOLE}")
+    if u.missing.any():
+        raise InputError(f"{path}: sample {int(np.argmax(u.missing))} has no level; {_WHOLE}")
     if u.unit != "V":
         raise InputError(f"{path}: the input {u.column!r} is in {u.unit or 'no unit'}; name it so that it says [V]")
     return Input(u.values, signals.Ts, str(path))
+
+
+_WHOLE = "an input has a level for each sample and equal steps of time: correct the file"
 
 
 def check_input(given: Input, calibration: Calibration) -> np.ndarray:
