@@ -9,7 +9,7 @@ from sysid.workflow.record import read_record
 from twin.experiment import SETTLE
 from twin.plant.stepping import step
 from twin.rig import wire
-from twin.rig.emulator import ELSEWHERE
+from twin.rig.leg import ELSEWHERE
 from twin.rig.run import Input, check_input, log_of, play, read_input
 
 TS = 0.02

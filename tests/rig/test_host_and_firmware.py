@@ -9,7 +9,7 @@ from twin.plant.stepping import step
 from twin.rig import avr, wire
 from twin.rig.avr import Avr, Port
 from twin.rig.calibration import Calibration
-from twin.rig.emulator import ELSEWHERE, LegPlant
+from twin.rig.leg import ELSEWHERE, LegPlant
 from twin.rig.link import Link
 from twin.rig.run import Input, check_input, log_of, play
 from twin.rig.wiring import read_sensors

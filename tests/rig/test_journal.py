@@ -55,7 +55,7 @@ def test_a_journal_cut_anywhere_gives_the_log_up_to_there(rig, steps, tmp_path):
         found = twin.Log.load(path)
         path.unlink()
         last = content[:size].rpartition(b"\n")[0].rpartition(b"\n")[2]
-        assert found.N == int(last.split(b",")[0]) + 1
+        assert int(last.split(b",")[0]) + 1 == found.N
         assert found.u == pytest.approx(log.u[: found.N], abs=1e-12)
         came = ~np.isnan(log.y[: found.N])
         assert found.y[came] == pytest.approx(log.y[: found.N][came], abs=1e-12)

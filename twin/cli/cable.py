@@ -16,10 +16,10 @@ from twin.parameters import JOINTS
 
 if TYPE_CHECKING:
     from twin.rig.calibration import Calibration
-    from twin.rig.emulator import Emulator
+    from twin.rig.leg import Emulated
     from twin.rig.link import Link
 
-EMULATED = ("twin",)
+EMULATED = ("twin", "firmware")
 FILE = "rig.toml"  # `twin.rig.calibration.DEFAULT`, whose import would slow the help text down
 
 Emulate = Annotated[
@@ -41,7 +41,7 @@ Speed = Annotated[
 @contextmanager
 def rig_on(
     port: str | None, emulate: str | None, joint: str, seed: int, speed: float | None = None
-) -> "Iterator[tuple[Link, Emulator | None]]":
+) -> "Iterator[tuple[Link, Emulated | None]]":
     """The line to a rig, and the rig itself where it is emulated."""
     from twin.rig.link import Link
 
@@ -55,10 +55,21 @@ def rig_on(
         raise unknown("emulated rig", emulate, EMULATED)
     if speed is not None and not 0.0 < speed < 1e6:
         raise InputError(f"--speed is {speed:g}; give a positive number, or leave it out")
-    from twin.rig.emulator import Emulator
-
-    with Emulator(joint, options.seed(seed), speed=speed) as emulator, Link(emulator.port) as link:
+    if speed is not None and emulate == "firmware":
+        raise InputError("the firmware runs in the time of a clock; leave --speed out, or give --emulate twin")
+    with _emulated(emulate, joint, options.seed(seed), speed) as emulator, Link(emulator.port) as link:
         yield link, emulator
+
+
+def _emulated(name: str, joint: str, seed: int, speed: float | None) -> "Emulated":
+    """A rig without hardware, by its name."""
+    if name == "twin":
+        from twin.rig.emulator import Emulator
+
+        return Emulator(joint, seed, speed=speed)
+    from twin.rig.simulated import Simulated
+
+    return Simulated(joint, seed)
 
 
 def known_calibration(rig: str, emulate: str | None) -> "Calibration | None":
@@ -70,20 +81,47 @@ def known_calibration(rig: str, emulate: str | None) -> "Calibration | None":
     return calibrations.read(rig)
 
 
+def board_on(link: "Link", emulator: "Emulated | None") -> str:
+    """Who answers: name and version of the firmware, and the seed of an emulated leg."""
+    return f"{link.identity.name} {link.identity.firmware}" + (f", seed {emulator.seed}" if emulator else "")
+
+
+def check_known(known: "Calibration | None", link: "Link", emulator: "Emulated | None") -> None:
+    """Raises InputError, before anything moves, where the rig is another than that of its calibration."""
+    from twin.rig.wiring import check_rig
+
+    if known is not None:
+        options = f" --port {link.port} --rig other.toml" if emulator is None else same_rig("other.toml", emulator)
+        check_rig(link, known, board_on(link, emulator), f"qpal rig wire {known.joint}{options}")
+
+
 def first_calibration(
-    link: "Link", joint: str, channel: int | None, supply: float, largest: float | None, emulator: "Emulator | None"
+    link: "Link",
+    joint: str,
+    channel: int | None,
+    supply: float,
+    largest: float | None,
+    emulator: "Emulated | None",
+    supply_full: float | None = None,
 ) -> "Calibration":
     """What is known of a joint before its wiring is found."""
-    from twin.rig.calibration import of_joint
+    from twin.rig.calibration import SUPPLY_FULL, of_joint
 
     if joint not in JOINTS:
         raise unknown("joint", joint, JOINTS)
-    number = JOINTS.index(joint) if channel is None else channel
-    linearity = 0.0 if emulator is None else emulator.linearity
-    return of_joint(link.port, joint, number, supply, supply if largest is None else largest, linearity)
+    return of_joint(
+        link.port,
+        joint,
+        JOINTS.index(joint) if channel is None else channel,
+        supply,
+        supply if largest is None else largest,
+        0.0 if emulator is None else emulator.linearity,
+        board_on(link, emulator),
+        SUPPLY_FULL if supply_full is None else supply_full,
+    )
 
 
-def emulated_calibration(link: "Link", joint: str, emulator: "Emulator | None") -> "Calibration":
+def emulated_calibration(link: "Link", joint: str, emulator: "Emulated | None") -> "Calibration":
     """The calibration of an emulated rig, found as on a real one."""
     from twin.rig.wiring import find_ends, find_wiring
     from twin.rig.wiring import zero as zeroed
@@ -92,15 +130,22 @@ def emulated_calibration(link: "Link", joint: str, emulator: "Emulator | None") 
     wired = find_wiring(
         link, first_calibration(link, joint, None, emulator.supply, None, emulator), lambda sentence: None
     )
-    return zeroed(
-        wired, find_ends(link, wired, lambda sentence: None, lambda _, counts: emulator.plant.angle_of(counts))
-    )
+    return zeroed(wired, find_ends(link, wired, lambda sentence: None, lambda _, counts: emulator.angle_of(counts)))
 
 
-def angle_of_end(given: float | None, end: str, counts: float, emulator: "Emulator | None") -> float:
+def check_angles(low: float | None, high: float | None) -> None:
+    """Raises InputError, before anything moves, for angles [deg] that no two ends have."""
+    for name, angle in (("--low", low), ("--high", high)):
+        if angle is not None and not abs(angle) <= 720.0:
+            raise InputError(f"{name} is {angle:g}; give an angle from -720 to 720 degrees")
+    if low is not None and low == high:
+        raise InputError(f"--low and --high are both {low:g}; give the angle of each end")
+
+
+def angle_of_end(given: float | None, end: str, counts: float, emulator: "Emulated | None") -> float:
     """The angle [rad] of an end: given in degrees, known to an emulated rig, or asked for."""
     if given is None and emulator is not None:
-        return emulator.plant.angle_of(counts)
+        return emulator.angle_of(counts)
     if given is None:
         given = typer.prompt(f"Angle at the end of {end} counts [deg]", type=float)
     return radians(given)
@@ -123,9 +168,9 @@ def check_new_file(path: str) -> None:
     check_writable_file(Path(path))
 
 
-def same_rig(rig: str, emulate: str | None, seed: int) -> str:
+def same_rig(rig: str, emulator: "Emulated | None") -> str:
     """The options with which the next verb finds the same rig."""
-    return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")
+    return f" --rig {rig}" + ("" if emulator is None else f" --emulate {emulator.kind} --seed {emulator.seed}")
 
 
 def speaker(as_json: bool) -> Callable[[str], None]:

@@ -19,6 +19,7 @@ from twin.cli.cable import (
     Speed,
     Yes,
     ask,
+    check_known,
     emulated_calibration,
     known_calibration,
     rig_on,
@@ -73,6 +74,7 @@ def run(
     if known is not None:
         check_input(given, known)
     with rig_on(port or (known.port if known else None), emulate, joint, seed, speed) as (link, emulator):
+        check_known(known, link, emulator)
         calibration = known or emulated_calibration(link, joint, emulator)
         levels = check_input(given, calibration)
         setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
@@ -135,6 +137,7 @@ def auto(
         kept_logs(folder, scratch, as_json) as kept,
         rig_on(port or (known.port if known else None), emulate, joint, seed) as (link, emulator),
     ):
+        check_known(known, link, emulator)
         ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
         with console.progress(
             1 + 3 * experiments,

@@ -18,6 +18,8 @@ from twin.cli.cable import (
     Yes,
     angle_of_end,
     ask,
+    check_angles,
+    check_known,
     check_new_file,
     first_calibration,
     rig_on,
@@ -75,6 +77,9 @@ def wire(
         int | None, options.whole_number("N", "joint number on the board; 0, 1, 2 for the names above if not given")
     ] = None,
     supply: Annotated[float, options.number("V", "voltage of the supply")] = 12.0,
+    supply_full: Annotated[
+        float | None, options.number("V", "supply at which its pin reads 5 V; 18.5 by the divider of docs/rig.md")
+    ] = None,
     largest: Annotated[float | None, options.number("V", "largest input; the supply if not given")] = None,
     rig: RigFile = FILE,
     emulate: Emulate = None,
@@ -93,12 +98,13 @@ def wire(
 
     check_new_file(rig)
     with rig_on(port, emulate, joint, seed) as (link, emulator):
-        start = first_calibration(link, joint, channel, supply, largest, emulator)
+        start = first_calibration(link, joint, channel, supply, largest, emulator, supply_full)
+        check_known(start, link, emulator)
         ask(f"The {joint} will move a little, both ways. Keep clear of it.", yes)
         result = find_wiring(link, start, speaker(as_json))
         calibrations.write(result, rig)
     note_result(rig)
-    say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero{same_rig(rig, emulate, seed)}")
+    say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero{same_rig(rig, emulator)}")
 
 
 def zero(
@@ -122,9 +128,12 @@ def zero(
     from twin.rig.wiring import zero as zeroed
 
     known = calibrations.read(rig)
+    check_new_file(rig)
+    check_angles(low, high)
     if emulate is None and None in (low, high) and not sys.stdin.isatty():
         raise InputError("the angles of the ends are not given; give --low and --high in degrees")
     with rig_on(port or known.port, emulate, known.joint, seed) as (link, emulator):
+        check_known(known, link, emulator)
         ask(f"The {known.joint} will run slowly into both of its ends. Keep clear of it.", yes)
         angles = {"low": low, "high": high}
         ends = find_ends(
@@ -137,7 +146,7 @@ def zero(
         result.model_dump(),
         as_json,
         f"Written: {rig}",
-        f"Next: qpal rig auto {known.joint}{same_rig(rig, emulate, seed)}",
+        f"Next: qpal rig auto {known.joint}{same_rig(rig, emulator)}",
     )
 
 

@@ -13,13 +13,19 @@ from sysid.base.files import check_regular_file, write_text
 from twin.rig import wire
 
 DEFAULT = "rig.toml"
+# 27 and 10 kOhm before a pin of 5 V. What resistors of 5 % may be off by, and the 5 V of USB (4.75 to 5.25
+# V, USB 2.0 section 7.2.2), which the converter compares with.
+SUPPLY_FULL, RESISTOR, USB = 5.0 * (27.0 + 10.0) / 10.0, 0.05, 0.05
+SUPPLY_OFF = 27.0 / 37.0 * 2.0 * RESISTOR + USB  # share by which a good supply may seem to be another
 SURE = 1.2  # times the share that moved a joint: beyond it the joint moves
 _COMMENTS = {
     "port": "serial port",
+    "board": "who answers there: name and version of the firmware",
     "joint": "name of the joint in logs",
     "channel": "joint number on the board, from 0",
     "motor_reversed": "a positive duty turns the motor so that the sensor's counts fall",
     "supply": "[V]",
+    "supply_full": "[V] supply at which its pin shows a full reading: 5 V, by the divider",
     "largest": "[V] largest input",
     "slew": "[V/s] fastest change of the input",
     "strike": "[rad/s] speed at which the drive goes off",
@@ -46,10 +52,12 @@ class Calibration(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     port: str
+    board: str = ""
     joint: str = Field(min_length=1)
     channel: int = Field(ge=0, lt=wire.JOINTS)
     motor_reversed: bool = False
     supply: float = Field(12.0, gt=0, le=60)
+    supply_full: float = Field(SUPPLY_FULL, gt=0)
     largest: float = Field(12.0, gt=0)
     slew: float = Field(12_000.0, gt=0)
     strike: float = Field(10.0, gt=0)
@@ -188,10 +196,19 @@ def longest_within(places: np.ndarray, counted: np.ndarray, width: float) -> int
     return longest
 
 
-def of_joint(port: str, joint: str, channel: int, supply: float, largest: float, linearity: float) -> Calibration:
+def of_joint(
+    port: str,
+    joint: str,
+    channel: int,
+    supply: float,
+    largest: float,
+    linearity: float,
+    board: str = "",
+    supply_full: float = SUPPLY_FULL,
+) -> Calibration:
     """What is known of a joint before it has moved. Raises InputError for values that do not fit each other."""
-    values = {"port": port, "joint": joint, "channel": channel, "supply": supply, "largest": largest}
-    return _valid({**values, "linearity": linearity}, "this rig", "correct it")
+    values = {"port": port, "board": board, "joint": joint, "channel": channel, "supply": supply, "largest": largest}
+    return _valid({**values, "supply_full": supply_full, "linearity": linearity}, "this rig", "correct it")
 
 
 ENDS = ("low_counts", "low_angle", "high_counts", "high_angle", "soft_low", "soft_high")

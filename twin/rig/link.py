@@ -5,6 +5,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import Any
 
 from sysid.base.errors import InputError
@@ -210,4 +211,6 @@ def _open(port: str) -> Any:
             raise InputError(
                 f"{port}: permission denied; on Linux add your user to the group dialout and log in again"
             ) from None
+        if Path(port).exists():
+            raise InputError(f"{port} is no serial port; qpal rig find lists those of this machine") from None
         raise InputError(f"{port}: cannot be opened ({error})") from None

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from twin.rig import wire
-from twin.rig.calibration import Calibration
+from twin.rig.calibration import RESISTOR, SUPPLY_OFF, USB, Calibration
 from twin.rig.link import Link
 from twin.rig.run import Recording, play
 
@@ -27,10 +27,11 @@ SOFT = 0.5  # of the least motion: how far beyond its ends the soft limits lie
 
 @dataclass(frozen=True)
 class Readings:
-    """What the sensors show at rest: mean and standard deviation (joints,) [counts]."""
+    """What the sensors show at rest: mean and standard deviation (joints,) [counts], and the supply [counts]."""
 
     mean: np.ndarray
     std: np.ndarray
+    supply: float
 
 
 def read_sensors(link: Link, samples: int = 8) -> Readings:
@@ -42,11 +43,29 @@ def read_sensors(link: Link, samples: int = 8) -> Readings:
         link.send(wire.Alive())
         for message in link.receive():
             if isinstance(message, wire.Sample) and len(message.joints) == wire.JOINTS:
-                rows.append([reading for reading, _ in message.joints])
+                rows.append([*(reading for reading, _ in message.joints), message.supply])
     link.rig_seconds += samples / wire.IDLE_RATE
     if len(rows) < 2:
         raise InputError(f"{link.port}: the rig sends no readings; check its firmware")
-    return Readings(np.mean(rows, axis=0), np.std(rows, axis=0))
+    mean, std = np.mean(rows, axis=0), np.std(rows, axis=0)
+    return Readings(mean[:-1], std[:-1], float(mean[-1]))
+
+
+def check_rig(link: Link, calibration: Calibration, board: str, again: str) -> None:
+    """Raises InputError, before anything moves, where the rig is another than that of its calibration: `board` answers
+    instead, or its supply is another by more than a good divider may be off. `again` is the command that wires it."""
+    if calibration.board not in ("", board):
+        raise InputError(
+            f"this calibration is of another board: {calibration.board}; here answers {board}: wire it by {again}, or "
+            "give the port of that board"
+        )
+    volts = read_sensors(link).supply / link.identity.full * calibration.supply_full
+    if abs(volts - calibration.supply) > SUPPLY_OFF * calibration.supply:
+        raise InputError(
+            f"the supply measures {volts:.1f} V and should have {calibration.supply:g} V; {SUPPLY_OFF:.0%} off is "
+            f"allowed, by its divider of resistors of {RESISTOR:.0%} and the {USB:.0%} of USB: switch it on, or "
+            "correct the supply, or supply_full for another divider"
+        )
 
 
 def find_wiring(link: Link, calibration: Calibration, say: Callable[[str], None]) -> Calibration:
