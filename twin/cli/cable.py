@@ -32,7 +32,7 @@ Port = Annotated[
     typer.Option("--port", metavar="PORT", help="serial port, if not that of --rig; see qpal rig find"),
 ]
 RigFile = Annotated[str, typer.Option("--rig", metavar="FILE.toml", help="how the joint is wired, and its limits")]
-Yes = Annotated[bool, typer.Option("--yes", help="move without asking first")]
+Yes = Annotated[bool, typer.Option("--yes", help="go on without asking first")]
 Speed = Annotated[
     float | None, options.number("X", "seconds of the emulated leg in a second; as many as go if not given")
 ]

@@ -27,6 +27,7 @@ from twin.cli.cable import (
     say,
     speaker,
 )
+from twin.cli.flash import flash
 from twin.cli.keeping import recover_logs
 from twin.cli.options import Verb
 from twin.cli.playing import auto, run
@@ -168,6 +169,7 @@ def recover(
 
 VERBS: dict[str, Callable[..., None]] = {
     "find": find,
+    "flash": flash,
     "wire": wire,
     "zero": zero,
     "run": run,

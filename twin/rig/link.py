@@ -194,6 +194,11 @@ def ports() -> list[tuple[str, str]]:
     return sorted((port.device, port.description or "") for port in found)
 
 
+def check_port(port: str) -> None:
+    """Raises InputError where a port is not there, or another program holds it."""
+    _open(port).close()
+
+
 def _open(port: str) -> Any:
     """The open port. Raises InputError with the reason where it does not open."""
     serial = serial_library()
