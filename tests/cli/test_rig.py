@@ -126,6 +126,50 @@ def test_bad_input_gets_a_sentence(arguments, said, capsys):
     assert said in refused(["rig", *arguments], capsys)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["zero", "--low", "nan", "--high", "5"], "--low is nan; give an angle from -720 to 720 degrees"),
+        (["zero", "--low", "5", "--high", "5"], "--low and --high are both 5; give the angle of each end"),
+        (["zero", "--emulate", "twin", "--seed", "2"], "wire it by qpal rig wire shoulder --rig other.toml --emulate"),
+        (["run", "design.csv", "--emulate", "twin", "--seed", "2"], "here answers qpal twin 1.0.0, seed 2"),
+        (["auto", "shoulder", "--emulate", "twin", "--seed", "2"], "is of another board: qpal twin 1.0.0, seed 1"),
+        (["run", "design.csv", "--emulate", "firmware", "--speed", "2"], "in the time of a clock; leave --speed out"),
+        (["run", "design.csv", "--ts", "0.02", "--time", "u [V]"], "design.csv"),
+    ],
+)
+def test_what_does_not_fit_the_rig_is_refused_before_it_moves(known, arguments, said, capsys, monkeypatch):
+    for name in ("run", "wiring", "auto"):
+        monkeypatch.setattr(f"twin.rig.{name}.play", lambda *_: pytest.fail("it moved"))
+    write_input(np.full(100, 5.0))
+    Path("rig.toml").write_text(known.read_text())
+    emulated = () if "--emulate" in arguments else RIG
+    assert said in refused(["rig", *arguments, *emulated, "--yes"], capsys)
+
+
+def test_wire_refuses_a_supply_that_is_another(capsys):
+    said = refused(["rig", "wire", "shoulder", *RIG, "--yes", "--supply", "24"], capsys)
+    assert "the supply measures 12.0 V and should have 24 V" in said
+    assert main(["rig", "wire", "shoulder", *RIG, "--yes", "--supply", "24", "--supply-full", "37", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["supply_full"] == 37.0
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="who is root may write everywhere")
+def test_a_folder_that_cannot_be_written_is_told_before_it_moves(known, capsys):
+    Path("ro").mkdir()
+    Path("ro/rig.toml").write_text(known.read_text())
+    Path("ro").chmod(0o555)
+    for verb in (["wire", "shoulder"], ["zero"]):
+        assert "permission denied" in refused(["rig", *verb, *RIG, "--yes", "--rig", "ro/rig.toml"], capsys)
+    Path("ro").chmod(0o755)
+
+
+def test_a_place_that_cannot_be_written_is_told_before_it_moves(known, capsys):
+    assert "there is no folder no" in refused(["rig", "wire", "shoulder", *RIG, "--yes", "--rig", "no/r.toml"], capsys)
+    Path("folder.toml").mkdir()
+    assert "it is a folder" in refused(["rig", "wire", "shoulder", *RIG, "--yes", "--rig", "folder.toml"], capsys)
+
+
 def test_a_design_beyond_the_limits_is_refused(known, capsys):
     write_input(np.full(100, 12.5))
     arguments = ["rig", "run", "design.csv", *RIG, "--rig", str(known), "--yes"]

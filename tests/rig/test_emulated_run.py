@@ -5,6 +5,7 @@ import pytest
 
 import twin
 from sysid.base.errors import InputError
+from sysid.channels.guess import Given
 from sysid.workflow.record import read_record
 from twin.experiment import SETTLE
 from twin.plant.stepping import step
@@ -13,6 +14,7 @@ from twin.rig.leg import ELSEWHERE
 from twin.rig.run import Input, check_input, log_of, play, read_input
 
 TS = 0.02
+TIMES, LEVELS = [round(0.02 * k, 9) for k in range(50)], [(-1) ** (k // 5) * 3.0 for k in range(50)]
 
 
 def played(rig, u, **settings):
@@ -133,3 +135,41 @@ def test_an_input_is_read_from_a_design_and_from_a_log(tmp_path):
     np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="time [s],u [A],y [rad]", comments="")
     with pytest.raises(InputError, match=r"a.csv: .*\[V\]"):
         read_input(tmp_path / "a.csv")
+
+
+def rows(*cells):
+    """A table of rows with these cells, from row 2 on."""
+    return "\n".join(",".join(map(str, row)) for row in zip(*cells, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("time [s],u [V]\n" + rows(TIMES, ["nan" if k == 7 else 1 for k in range(50)]), r"row 9, .*\(NaN\); an input"),
+        ("time [s],u [V]\n" + rows(TIMES, ["" if k == 7 else 1 for k in range(50)]), "row 9, .*empty cell; an input"),
+        (
+            "time [s],u [V]\n" + rows([t + (t > 0.5) for t in TIMES], LEVELS),
+            "found a step of 1.02 s where most are 0.02",
+        ),
+        (
+            "time [s],u [V]\n" + rows([t + 0.006 * (t % 0.06) / 0.06 for t in TIMES], LEVELS),
+            "its steps of time are 0.0",
+        ),
+        ("time [s],t2 [s],u [V]\n" + rows(TIMES, [2 * t for t in TIMES], LEVELS), "may each be the clock .* --time"),
+        ("time [s],u1 [V],u2 [V]\n" + rows(TIMES, LEVELS, LEVELS), "may each be the input; name one with --input"),
+        ("u [V],n\n" + rows(LEVELS, [1] * 50), "give it with --ts SECONDS or name a time column with --time "),
+    ],
+)
+def test_an_input_that_is_not_whole_and_clear_is_refused(tmp_path, table, said):
+    (tmp_path / "d.csv").write_text(table + "\n")
+    with pytest.raises(InputError, match=said):
+        read_input(tmp_path / "d.csv")
+
+
+def test_what_is_not_clear_of_an_input_can_be_said(tmp_path):
+    (tmp_path / "d.csv").write_text("a [s],b [s],u [V],v [V]\n" + rows(TIMES, [2 * t for t in TIMES], LEVELS, [2] * 50))
+    given = read_input(tmp_path / "d.csv", Given(time="b [s]", input="u [V]"))
+    assert given.Ts == pytest.approx(0.04)
+    assert given.u == pytest.approx(LEVELS)
+    (tmp_path / "e.csv").write_text("u [V],n\n" + rows(LEVELS, [1] * 50))
+    assert read_input(tmp_path / "e.csv", Given(Ts=0.005)).Ts == 0.005

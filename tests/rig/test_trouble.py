@@ -10,9 +10,10 @@ import pytest
 from sysid.base.errors import InputError
 from twin.rig import frames, wire
 from twin.rig import link as links
+from twin.rig.calibration import SUPPLY_OFF
 from twin.rig.link import Link, Lost
 from twin.rig.run import Input, check_input, log_of, play
-from twin.rig.wiring import find_ends, find_wiring, read_sensors
+from twin.rig.wiring import check_rig, find_ends, find_wiring, read_sensors
 
 TS = 0.02
 
@@ -207,6 +208,38 @@ def test_a_sensor_without_wires_is_told_before_anything_moves(rig):
             find_wiring(link, calibration, print)
         with pytest.raises(InputError, match="not within the range of a working sensor"):
             play(link, calibration.setup(1023), np.zeros(20, dtype=int), TS)
+
+
+def test_another_board_and_another_supply_are_told_before_anything_moves(rig):
+    """5 V of USB and resistors of 5 % may make 12 V of 10.5 to 13.5, and no more."""
+    with rig() as (emulator, link, calibration):
+        before = emulator.plant.position(0)
+        for supply, holds in ((12.0, True), (13.5, True), (10.9, True), (13.8, False), (10.6, False), (24.0, False)):
+            known = calibration.model_copy(update={"supply": supply, "board": "qpal twin 1.0.0, seed 1"})
+            if holds:
+                check_rig(link, known, "qpal twin 1.0.0, seed 1", "again")
+                continue
+            with pytest.raises(InputError, match=f"measures 12.0 V and should have {supply:g} V; 12% off is allowed"):
+                check_rig(link, known, "qpal twin 1.0.0, seed 1", "again")
+        with pytest.raises(InputError, match=r"board: qpal twin 1\.0\.0, seed 1; here answers Z: wire it by W"):
+            check_rig(link, known, "Z", "W")
+        emulator.plant.break_down("no supply")
+        with pytest.raises(InputError, match=r"the supply measures 0.0 V .*: switch it on"):
+            check_rig(link, calibration, "", "again")
+        assert emulator.plant.position(0) == before
+        assert emulator.board.state == wire.OFF
+
+
+def test_the_least_and_the_most_that_a_good_divider_measures_is_allowed():
+    """Each resistor and the 5 V of USB at their limits, in volts."""
+    readings = [
+        12.0 * r2 / (r1 + r2) / usb * 5.0 * 3.7
+        for r1 in (27e3 * 0.95, 27e3 * 1.05)
+        for r2 in (10e3 * 0.95, 10e3 * 1.05)
+        for usb in (4.75, 5.25)
+    ]
+    off = [volts / 12.0 - 1.0 for volts in readings]
+    assert max(map(abs, off)) == pytest.approx(SUPPLY_OFF, abs=0.015)  # which is of first order
 
 
 def test_a_motor_without_wires_is_told(rig):
