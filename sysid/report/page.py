@@ -42,9 +42,9 @@ class Picture:
     photo: bool = False
 
     @classmethod
-    def of(cls, name: str, figure: Figure, caption: str) -> "Picture":
-        """A figure drawn twice."""
-        return cls(name, style.png(draw(figure)), caption, plotly(figure))
+    def of(cls, name: str, figure: Figure, caption: str, zooms: bool = True) -> "Picture":
+        """A figure drawn twice, or once: a page of which no picture zooms is without 5 MB of script."""
+        return cls(name, style.png(draw(figure)), caption, plotly(figure) if zooms else None)
 
     @property
     def data(self) -> str:

@@ -1,8 +1,19 @@
 """What is known after some experiments, each of which tells some values."""
 
+import json
+from contextlib import contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
-from twin.rig.auto import ASKED, Campaign, Round
+import numpy as np
+import pytest
+
+import twin
+from sysid.joint.values import JointValue
+from twin.cli import main
+from twin.report import rig as report
+from twin.rig.auto import ASKED, Campaign, Round, campaign
+from twin.rig.journal import journal
 
 
 def value(name, low, high):
@@ -22,3 +33,67 @@ def test_a_value_is_that_of_the_record_that_tells_it_most_narrowly():
     assert (known[first].high, known[second].high) == (2.0, 4.0)
     assert "other" not in known
     assert campaign.open == list(ASKED[2:])
+
+
+def test_the_report_has_every_picture_in_less_than_1500_kb():
+    """Three experiments of two minutes and more, and all values; without the 5 MB that draw a figure anew."""
+    rng = np.random.default_rng(0)
+    log = twin.Log(np.zeros(7000), np.cumsum(rng.normal(size=7000)), 0.02, None, "thigh", {"notes": []})
+    values = tuple(JointValue(name, 1.0, 0.9, 1.1, "rad") for name in ASKED)
+    rounds = tuple(Round(f"sweep {k}", log, values, 90.0) for k in range(3))
+    page = report.page(Campaign("thigh", rounds, 400.0))
+    names = [picture.name for picture in page.pictures()]
+    assert names == ["intervals", "record-1", "record-2", "record-3"]
+    html = page.html()
+    assert html.count("data:image/png;base64,") == 4
+    assert len(html) < 1_500_000
+
+
+def test_an_experiment_that_is_stopped_ends_the_campaign_and_its_journal_stays_until_its_log(rig, tmp_path):
+    """`around` is the context of the run and of the log."""
+    seen, kept = [], []
+    with rig() as (_, link, calibration):
+
+        @contextmanager
+        def around(number, given, levels):
+            with journal(tmp_path / "o.csv", link, calibration, levels, given.Ts, given.source) as note:
+
+                def watch(sample):
+                    note(sample)
+                    if sample.number == 300 and len(sample.joints) == 1:
+                        link.stop()
+
+                link.watch = watch
+                yield
+                link.watch = lambda sample: None
+
+        def keep(number, log):
+            seen.append((tmp_path / "o.csv.journal").exists())
+            kept.append(log)
+
+        result = campaign(link, calibration, keep=keep, around=around)
+    assert result.interrupted
+    assert result.rounds == ()
+    assert result.stopped == "experiment 1 ended early: it was stopped by hand"
+    assert seen == [True]
+    assert 300 < kept[0].N < 500
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("as_json", [False, True])
+def test_auto_that_is_stopped_says_where_its_logs_are(tmp_path, monkeypatch, capsys, as_json):
+    """Ctrl-C while it identifies: exit status 130, and the log of the experiment before."""
+    monkeypatch.chdir(tmp_path)
+
+    def fit(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("twin.rig.auto.fit_joint", fit)
+    arguments = ["rig", "auto", "shoulder", "--emulate", "twin", "--seed", "1", "--yes", "--out", "o"]
+    assert main([*arguments, *(["--json"] if as_json else [])]) == 130
+    out, err = capsys.readouterr()
+    assert "qpal: stopped; the drive is off; the logs are in o-logs" in err
+    assert twin.Log.load("o-logs/experiment-1.csv").N > 1000
+    assert sorted(str(path) for path in Path().iterdir()) == ["o-logs"]
+    logs = [str(Path("o-logs/experiment-1.csv"))]
+    assert (json.loads(out) if as_json else out) == ({"stopped": True, "logs": logs} if as_json else "")

@@ -21,8 +21,14 @@ _TRUE = " The dashed line is the truth, which the emulated rig has hidden until 
 def page(result: Campaign) -> Page:
     """The report on a campaign with one experiment or more."""
     caption = _CAPTION + ("" if result.truth is None else _TRUE)
+    intervals = Picture.of("intervals", figure(result), caption, zooms=False)
     records = [
-        Picture.of(f"record-{k}", record_figure(done.log.io()), f"Experiment {k}: {done.what}, as it was played.")
+        Picture.of(
+            f"record-{k}",
+            record_figure(done.log.io()),
+            f"Experiment {k}: {done.what}, as it was played. To zoom in it: qpal info experiment-{k}.csv --out record",
+            zooms=False,
+        )
         for k, done in enumerate(result.rounds, start=1)
     ]
     return Page(
@@ -30,7 +36,11 @@ def page(result: Campaign) -> Page:
         subtitle=f"{len(result.rounds)} experiments, {result.rig_seconds:.0f} s of rig time",
         verdict=sentences(result),
         sections=[
-            Section("Values", tables=tables(result), pictures=[Picture.of("intervals", figure(result), caption)]),
+            Section(
+                "Values",
+                tables=tables(result),
+                pictures=[Picture.of("intervals", figure(result), caption, zooms=False)],
+            ),
             Section("Records", pictures=records),
         ],
         made_with=versions(),
