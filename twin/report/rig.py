@@ -36,11 +36,7 @@ def page(result: Campaign) -> Page:
         subtitle=f"{len(result.rounds)} experiments, {result.rig_seconds:.0f} s of rig time",
         verdict=sentences(result),
         sections=[
-            Section(
-                "Values",
-                tables=tables(result),
-                pictures=[Picture.of("intervals", figure(result), caption, zooms=False)],
-            ),
+            Section("Values", tables=tables(result), pictures=[intervals]),
             Section("Records", pictures=records),
         ],
         made_with=versions(),
