@@ -17,7 +17,7 @@ from twin.log import Log
 from twin.parameters import JOINTS
 from twin.rig import wire
 from twin.rig.calibration import Calibration
-from twin.rig.link import Link, Lost
+from twin.rig.link import POLL, Link, Lost
 
 MOST = 2**16 - 1  # samples of a run
 SHORTEST = 10
@@ -139,7 +139,7 @@ class _Player:
         self.counts, self.limits, self.supply = np.full(N, np.nan), np.zeros(N, dtype=int), np.full(N, np.nan)
         self.duty = np.array(levels, dtype=float)
         self.seen, self.sent, self.room, self.ended = 0, 0, 0, False
-        self.heard = time.monotonic()
+        self.heard, self.empty = time.monotonic(), 0  # reads without a frame, one after the other
 
     def begin(self, setup: wire.Setup) -> None:
         """Limits, the first levels, ARM and START. Raises InputError for a refusal."""
@@ -184,7 +184,8 @@ class _Player:
             if self.seen > told + 0.01 * len(self.levels):
                 told = self.seen
                 self.progress(self.seen / len(self.levels))
-            if time.monotonic() - self.heard > SILENCE + 5.0 * self.Ts:
+            # Where this process itself had no time, the rig was not silent for as many reads.
+            if time.monotonic() - self.heard > SILENCE + 5.0 * self.Ts and self.empty > 0.5 * SILENCE / POLL:
                 raise Early("the rig went silent")
 
     def _send_levels(self, room: int) -> int | None:
@@ -197,8 +198,9 @@ class _Player:
 
     def listen(self) -> None:
         """Take what has come."""
+        self.empty += 1
         for message in self.link.receive():
-            self.heard = time.monotonic()
+            self.heard, self.empty = time.monotonic(), 0
             if isinstance(message, wire.Fault):
                 if message.clock == self.link.fault_clock:
                     continue
