@@ -19,6 +19,7 @@ from twin.app.jobs import Job, Jobs
 from twin.app.rig import Rig
 from twin.app.session import Session
 from twin.parameters import JOINTS
+from twin.rig.journal import recover
 
 FILES = {  # what can be taken away of a model: name, and what it is
     "script.py": "Python that does the same",
@@ -41,6 +42,8 @@ class Desk:
         self.jobs = jobs or Jobs()
         self._records: dict[str, tuple[float, IOData]] = {}
         self.rig = Rig(session.folder, self.keep_run)
+        if (session.folder / "rig").is_dir():
+            recover(session.folder / "rig")  # logs of a run whose line was killed
         for log in sorted((session.folder / "rig").glob("run-*.csv")):  # of a run during which the app was killed
             self.keep_run(log, "", f"rig, {log.stem}")
 

@@ -24,6 +24,7 @@ from sysid.base.errors import InputError
 from twin.rig import calibration as calibrations
 from twin.rig import wire, wiring
 from twin.rig.calibration import Calibration
+from twin.rig.journal import journal
 from twin.rig.link import Link, Lost
 from twin.rig.room import LINE, room_for
 from twin.rig.run import Input, check_input, log_of, play, read_input
@@ -37,6 +38,10 @@ BY_HAND, CLOSED = "it was stopped by hand", "the page that moved it does not ans
 Tell = Callable[..., None]
 
 
+def _nothing(sample: wire.Sample) -> None:
+    """No run plays."""
+
+
 class RigLine:
     """The orders of the app on an open link, one after the other; `folder` is for logs."""
 
@@ -48,6 +53,8 @@ class RigLine:
         self._why, self._given = BY_HAND, Input(np.zeros(0), 1.0)
         self._rows: list[tuple[float, int, int, int, int]] = []
         self._start, self._last, self._Ts = 0.0, -1, wiring.TS
+        self._note: Callable[[wire.Sample], None] = _nothing  # where a run keeps its samples
+        self._board = wiring.board_on(link, None if emulator is None else emulator.seed)
         link.watch = self._see
 
     # In a thread of its own.
@@ -129,6 +136,7 @@ class RigLine:
 
     def _see(self, sample: wire.Sample) -> None:
         """Keep a sample for the page: of all joints at rest, or of the one that moves."""
+        self._note(sample)
         readings = [reading for reading, _ in sample.joints] if len(sample.joints) == wire.JOINTS else []
         if not readings:
             if sample.number <= self._last:  # another pulse
@@ -153,7 +161,7 @@ class RigLine:
         """How the joint is wired, by pulses."""
         linearity = 0.0 if self._emulator is None else self._emulator.linearity
         values = {name: order[name] for name in ("joint", "channel", "supply", "largest")}
-        start = calibrations.of_joint(self._link.port, **values, linearity=linearity)
+        start = calibrations.of_joint(self._link.port, **values, linearity=linearity, board=self._board)
         self._tell(calibration=wiring.find_wiring(self._link, start, self._say).model_dump())
 
     def _zero(self, order: dict[str, Any]) -> None:
@@ -195,17 +203,23 @@ class RigLine:
         """Play the input and write the log."""
         known, given = Calibration.model_validate(order["calibration"]), self._given
         levels = check_input(given, known)
+        wiring.check_rig(self._link, known, self._board, "the wire check of this page")
         self._Ts = given.Ts
         setup = known.setup(self._link.identity.full, known.patience(levels, given.Ts))
         path = self._folder / order["file"]
-        with room_for(path, LINE * len(levels)):
-            recording = play(self._link, setup, levels, given.Ts)
-        if recording.interrupted:
-            recording = replace(recording, reason=self._why)
-        log = log_of(recording, known, self._link, given.source)
-        n = len(recording.counts)
-        if n:
-            log.save(path)
+        with journal(path, self._link, known, levels, given.Ts, given.source) as note:
+            self._note = note
+            try:
+                with room_for(path, LINE * len(levels)):
+                    recording = play(self._link, setup, levels, given.Ts)
+            finally:
+                self._note = _nothing
+            if recording.interrupted:
+                recording = replace(recording, reason=self._why)
+            log = log_of(recording, known, self._link, given.source)
+            n = len(recording.counts)
+            if n:
+                log.save(path)
         self._tell(log=path.name if n else None, n=n, reason=recording.reason, notes=log.meta["notes"])
 
 

@@ -81,18 +81,18 @@ def known_calibration(rig: str, emulate: str | None) -> "Calibration | None":
     return calibrations.read(rig)
 
 
-def board_on(link: "Link", emulator: "Emulated | None") -> str:
-    """Who answers: name and version of the firmware, and the seed of an emulated leg."""
-    return f"{link.identity.name} {link.identity.firmware}" + (f", seed {emulator.seed}" if emulator else "")
-
-
 def check_known(known: "Calibration | None", link: "Link", emulator: "Emulated | None") -> None:
     """Raises InputError, before anything moves, where the rig is another than that of its calibration."""
-    from twin.rig.wiring import check_rig
+    from twin.rig.wiring import board_on, check_rig
 
     if known is not None:
         options = f" --port {link.port} --rig other.toml" if emulator is None else same_rig("other.toml", emulator)
-        check_rig(link, known, board_on(link, emulator), f"qpal rig wire {known.joint}{options}")
+        check_rig(
+            link,
+            known,
+            board_on(link, None if emulator is None else emulator.seed),
+            f"qpal rig wire {known.joint}{options}",
+        )
 
 
 def first_calibration(
@@ -106,6 +106,7 @@ def first_calibration(
 ) -> "Calibration":
     """What is known of a joint before its wiring is found."""
     from twin.rig.calibration import SUPPLY_FULL, of_joint
+    from twin.rig.wiring import board_on
 
     if joint not in JOINTS:
         raise unknown("joint", joint, JOINTS)
@@ -116,7 +117,7 @@ def first_calibration(
         supply,
         supply if largest is None else largest,
         0.0 if emulator is None else emulator.linearity,
-        board_on(link, emulator),
+        board_on(link, None if emulator is None else emulator.seed),
         SUPPLY_FULL if supply_full is None else supply_full,
     )
 

@@ -1,6 +1,5 @@
 """What outlasts a stop of `qpal rig`: logs of experiments, and room on the disk for a log."""
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -106,24 +105,3 @@ def kept_logs(folder: Path, scratch: Path, as_json: bool = False) -> Iterator[Lo
         for path in logs.found():
             path.rename(scratch / path.name)
         logs.found()
-
-
-@contextmanager
-def room_for(path: Path, size: int) -> Iterator[None]:
-    """Room on the disk for a file of `size` bytes beside `path`, held while the rig moves."""
-    from sysid.base.locks import temporary_name
-
-    held = temporary_name(path)
-    try:
-        with held.open("wb") as file:
-            if hasattr(os, "posix_fallocate"):
-                os.posix_fallocate(file.fileno(), 0, size)
-    except OSError as error:
-        held.unlink(missing_ok=True)
-        raise InputError(
-            f"{path}: no room for the log of about {size / 1e6:.1f} MB ({error.strerror}); nothing was moved"
-        ) from None
-    try:
-        yield
-    finally:
-        held.unlink(missing_ok=True)

@@ -25,7 +25,7 @@ from twin.cli.cable import (
     rig_on,
     say,
 )
-from twin.cli.keeping import check_new_log, kept_logs, room_for, save_log
+from twin.cli.keeping import check_new_log, kept_logs, save_log
 from twin.cli.output import run_folder
 from twin.cli.results import note_result
 from twin.cli.stopping import hold_requests
@@ -35,8 +35,6 @@ if TYPE_CHECKING:
     import numpy as np
 
     from twin.rig.run import Input, Recording
-
-LINE = 120  # [bytes] a row of a log takes at the most
 
 
 def run(
@@ -65,6 +63,7 @@ def run(
     from sysid.channels.guess import Given
     from twin.cli.live import Trace, played
     from twin.rig.journal import journal
+    from twin.rig.room import LINE, room_for
     from twin.rig.run import check_input, log_of, play, read_input
 
     given = read_input(design, Given(input=input, time=time, time_unit=time_unit, Ts=ts))

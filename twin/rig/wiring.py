@@ -51,6 +51,11 @@ def read_sensors(link: Link, samples: int = 8) -> Readings:
     return Readings(mean[:-1], std[:-1], float(mean[-1]))
 
 
+def board_on(link: Link, seed: int | None) -> str:
+    """Who answers: name and version of the firmware, and the seed of an emulated leg, if it is one."""
+    return f"{link.identity.name} {link.identity.firmware}" + ("" if seed is None else f", seed {seed}")
+
+
 def check_rig(link: Link, calibration: Calibration, board: str, again: str) -> None:
     """Raises InputError, before anything moves, where the rig is another than that of its calibration: `board` answers
     instead, or its supply is another by more than a good divider may be off. `again` is the command that wires it."""
