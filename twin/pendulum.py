@@ -144,11 +144,11 @@ def respond(
     for servo, start in zip(pendulums, starts, strict=True):
         key = servo.replace(delay=0.0, zero=0.0)  # neither is in the simulation
         if key not in models:
-            models[key] = _board(key)
-        model, board = models[key]
+            models[key] = board(key)
+        model, data = models[key]
         position = np.array([start - servo.zero])
         runs.append(
-            Run(model, _at_rest(board, servo, position[0]), position, commands, np.zeros(1), 0.0, np.zeros(steps))
+            Run(model, at_rest(data, servo, position[0]), position, commands, np.zeros(1), 0.0, np.zeros(steps))
         )
     outputs, _ = attempt(runs, TIMESTEP, 0.0, threads)
     fine, times = np.arange(steps) * TIMESTEP, np.arange(N) * Ts
@@ -160,16 +160,16 @@ def respond(
     )
 
 
-def _board(servo: Pendulum) -> tuple:
+def board(servo: Pendulum) -> tuple[mujoco.MjModel, np.ndarray]:
     """Model and user data of one pendulum."""
     p = servo.parameters()
     model = pendulum(p, servo.mass, servo.length, WITHOUT)
-    board = user_data(model, [circuit(p, JOINT, WITHOUT)])
-    board[slots.HEAD + slots.LOWER], board[slots.HEAD + slots.UPPER] = -NO_SWITCH, NO_SWITCH
-    return model, board
+    state = user_data(model, [circuit(p, JOINT, WITHOUT)])
+    state[slots.HEAD + slots.LOWER], state[slots.HEAD + slots.UPPER] = -NO_SWITCH, NO_SWITCH
+    return model, state
 
 
-def _at_rest(board: np.ndarray, servo: Pendulum, angle: float) -> np.ndarray:
+def at_rest(board: np.ndarray, servo: Pendulum, angle: float) -> np.ndarray:
     """The board with the load that has pressed the gears for long at `angle` [rad]."""
     state = board.copy()
     state[slots.HEAD + slots.LOAD] = servo.mass * servo.parameters()["gravity"] * servo.length * np.sin(angle)

@@ -33,7 +33,7 @@ class Link(Closing):
     def __init__(self, port: str, watch: Callable[[wire.Sample], None] = lambda sample: None) -> None:
         self.port, self.watch = port, watch
         self._stopping = threading.Event()
-        self._serial = _open(port)
+        self._serial = open_port(port)
         self._receiver = frames.Receiver(wire.FROM_FIRMWARE)
         self._inbox: deque[tuple[int, wire.Message]] = deque()
         self._sequence, self._lock = 0, threading.Lock()
@@ -196,14 +196,14 @@ def ports() -> list[tuple[str, str]]:
 
 def check_port(port: str) -> None:
     """Raises InputError where a port is not there, or another program holds it."""
-    _open(port).close()
+    open_port(port).close()
 
 
-def _open(port: str) -> Any:
-    """The open port. Raises InputError with the reason where it does not open."""
+def open_port(port: str, baud: int = wire.BAUD) -> Any:
+    """The open port, held alone. Raises InputError with the reason where it does not open."""
     serial = serial_library()
     try:
-        return serial.Serial(port, wire.BAUD, timeout=POLL, write_timeout=1.0, exclusive=True)
+        return serial.Serial(port, baud, timeout=POLL, write_timeout=1.0, exclusive=True)
     except (OSError, ValueError) as error:
         if "exclusively" in str(error) or getattr(error, "errno", None) in (11, 16):
             raise InputError(
