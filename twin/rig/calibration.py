@@ -2,8 +2,9 @@
 
 import tomllib
 from collections import deque
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -12,6 +13,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import check_regular_file, write_text
 from twin.rig import wire
 
+Kind = TypeVar("Kind", bound=BaseModel)
 DEFAULT = "rig.toml"
 # 27 and 10 kOhm before a pin of 5 V. What resistors of 5 % may be off by, and the 5 V of USB (4.75 to 5.25
 # V, USB 2.0 section 7.2.2), which the converter compares with.
@@ -219,18 +221,25 @@ def _whole(value: float, most: int = 2**16 - 1) -> int:
     return int(np.clip(round(value), 1, most))
 
 
+REMEDY = "correct it, or make the file anew with qpal rig wire"
+
+
 def read(path: str | Path) -> Calibration:
     """The calibration in a TOML file. Raises InputError, which names the value, for one that is missing or damaged."""
+    return _valid(read_toml(path), str(path), REMEDY)
+
+
+def read_toml(path: str | Path) -> dict[str, Any]:
+    """The values in a rig's file. Raises InputError for one that is missing, or is no TOML file."""
     source = check_regular_file(path)
     try:
-        content = tomllib.loads(source.read_text(encoding="utf-8"))
+        return tomllib.loads(source.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{source}: {error.strerror}; make it with qpal rig wire") from None
     except ValueError as error:
         raise InputError(
             f"{source} is no TOML file ({error}); correct it, or make it anew with qpal rig wire"
         ) from None
-    return _valid(content, str(source), "correct it, or make the file anew with qpal rig wire")
 
 
 def from_dict(content: dict[str, Any], source: str) -> Calibration:
@@ -239,8 +248,13 @@ def from_dict(content: dict[str, Any], source: str) -> Calibration:
 
 
 def _valid(content: dict[str, Any], source: str, remedy: str) -> Calibration:
+    return validated(Calibration, content, source, remedy)
+
+
+def validated(kind: type[Kind], content: dict[str, Any], source: str, remedy: str = REMEDY) -> Kind:
+    """The values as a `kind`. Raises InputError with the first that does not do."""
     try:
-        return Calibration.model_validate(content)
+        return kind.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, first["loc"]))
@@ -248,12 +262,12 @@ def _valid(content: dict[str, Any], source: str, remedy: str) -> Calibration:
         raise InputError(f"{source}: {found}; {remedy}") from None
 
 
-def write(calibration: Calibration, path: str | Path) -> Path:
+def write(calibration: BaseModel, path: str | Path, comments: Mapping[str, str] = _COMMENTS) -> Path:
     """Write the calibration, each value with what it is; whole or not at all."""
     lines = ["# A rig of qpal, see docs/rig.md. SI units."]
     for name, value in calibration:
         if value is not None:
-            lines.append(f"{name} = {_toml(value)}  # {_COMMENTS[name]}")
+            lines.append(f"{name} = {_toml(value)}  # {comments[name]}")
     return write_text(path, "\n".join(lines) + "\n")
 
 

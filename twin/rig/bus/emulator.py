@@ -21,6 +21,7 @@ BAUD = 1_000_000
 POLL = 1e-3  # [s] that a read without data takes
 ADAPTER = (2e-4, 1e-4)  # [s] of a USB adapter on the way of an answer: least, and mean of the rest
 SLEEP = 5e-5  # [s] by which a host wakes up late, on the mean
+PAUSE = 3e-3  # [s] within a packet, after which a servo waits for the next one
 LATE = 8e-3  # [s] of a disturbance
 
 
@@ -48,7 +49,7 @@ class Emulator(Closing):
         self._garbled, self._lost, self._late = garbled, lost, late
         self._rng = np.random.default_rng([seed, 52])
         self._buffer, self._arriving = bytearray(), deque[tuple[float, bytes]]()
-        self._time, self._stepped, self._pulled = 0.0, 0.0, False
+        self._time, self._stepped, self._heard, self._pulled = 0.0, 0.0, 0.0, False
         self.port = f"emulated {family.name}"
         if speed is not None:
             self._open_terminal()
@@ -114,7 +115,10 @@ class Emulator(Closing):
         return data[:place] + bytes([data[place] ^ int(self._rng.integers(1, 256))]) + data[place + 1 :]
 
     def _answers(self, data: bytes) -> bytes:
-        """What the servos say to what the host has sent."""
+        """What the servos say to what the host has sent; what was not whole before a pause is forgotten."""
+        if self.now() - self._heard > PAUSE:
+            self._buffer.clear()
+        self._heard = self.now()
         self._buffer += self._damage(data)
         said = b""
         for instruction in packets.taken(self.family.name, self._buffer):
