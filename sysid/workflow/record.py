@@ -2,9 +2,11 @@
 
 import os
 import re
+from collections.abc import Mapping as _Mapping
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
@@ -30,6 +32,7 @@ class Record:
     `signals` says how the file was read, `remarks` in sentences what was done after that. `options` are those of the
     command line that read it so again; none for what is detected. A record of several files has the signals of the
     first, all names in `files`, and one experiment for each of them. Several columns are one text, "a,b".
+    `header` is what the file says of itself besides its columns.
     """
 
     path: Path
@@ -41,6 +44,7 @@ class Record:
     options: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    header: _Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -111,7 +115,7 @@ def read_record(
         signals = sample(table, channel_map)
     else:
         signals = from_table(table, given, range, "refuse" if missing == "refuse" else "outputs")
-    path = table.path
+    path, header = table.path, dict(table.meta)
     del table  # its clock is not needed any more, and a long record has no room for it
     data = signals.io()
     if moving:
@@ -121,7 +125,7 @@ def read_record(
     )
     options = _options(given, mapping, range, signals)
     clock = signals.mapping.clock.column or None
-    return Record(path, data, inputs, outputs, clock, signals, options, _channel_numbers(signals))
+    return Record(path, data, inputs, outputs, clock, signals, options, _channel_numbers(signals), header=header)
 
 
 def columns(text: str | None, names: Sequence[str]) -> tuple[str, ...]:

@@ -20,11 +20,16 @@ if TYPE_CHECKING:
     from twin.rig.link import Link
 
 EMULATED = ("twin", "firmware")
+BUSES = ("feetech", "dynamixel")  # `twin.rig.bus.registers.FAMILIES`, whose import would slow the help text down
 FILE = "rig.toml"  # `twin.rig.calibration.DEFAULT`, whose import would slow the help text down
 
 Emulate = Annotated[
     str | None,
-    typer.Option("--emulate", metavar="NAME", help=f"a rig without hardware, instead of a port: {', '.join(EMULATED)}"),
+    typer.Option(
+        "--emulate",
+        metavar="NAME",
+        help=f"a rig without hardware, instead of a port: {', '.join((*EMULATED, *BUSES))}",
+    ),
 ]
 Seed = Annotated[int, options.whole_number("N", "of the emulated leg, its wiring and its noise")]
 Port = Annotated[
@@ -32,6 +37,7 @@ Port = Annotated[
     typer.Option("--port", metavar="PORT", help="serial port, if not that of --rig; see qpal rig find"),
 ]
 RigFile = Annotated[str, typer.Option("--rig", metavar="FILE.toml", help="how the joint is wired, and its limits")]
+Servos = Annotated[str | None, options.name("servos on a bus, instead of a board", BUSES)]
 Yes = Annotated[bool, typer.Option("--yes", help="go on without asking first")]
 Speed = Annotated[
     float | None, options.number("X", "seconds of the emulated leg in a second; as many as go if not given")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sysid.base.errors import InputError
+from twin.cli import bus as servos
 from twin.cli import console, options
 from twin.cli.cable import (
     FILE,
@@ -38,7 +39,12 @@ if TYPE_CHECKING:
 
 
 def run(
-    design: Annotated[str, typer.Argument(metavar="DESIGN.csv", help="time and voltage, as qpal design writes it")],
+    design: Annotated[
+        str,
+        typer.Argument(
+            metavar="DESIGN.csv", help="time and voltage, as qpal design writes it; time and goal of a servo"
+        ),
+    ],
     log: Annotated[str, typer.Option("--log", metavar="OUT.csv", help="the log")] = "log.csv",
     input: options.Input = None,
     ts: options.Ts = None,
@@ -66,6 +72,10 @@ def run(
     from twin.rig.room import LINE, room_for
     from twin.rig.run import check_input, log_of, play, read_input
 
+    if name := servos.name_of(None, emulate, rig):
+        check_new_log(log)
+        servos.run(name, design, log, rig, port, emulate, joint, seed, speed, yes, as_json)
+        return
     given = read_input(design, Given(input=input, time=time, time_unit=time_unit, Ts=ts))
     check_new_log(log)
     known = known_calibration(rig, emulate)
@@ -123,6 +133,7 @@ def auto(
     from twin.rig.auto import TS, campaign
     from twin.rig.journal import journal
 
+    servos.refuse("auto", None, emulate, rig)
     if experiments < 1 or not 0.0 < budget < 1e6:
         raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
     known = known_calibration(rig, emulate)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from sysid.base.errors import InputError
+from twin.cli import bus as servos
 from twin.cli import options
 from twin.cli.cable import (
     FILE,
@@ -15,6 +16,7 @@ from twin.cli.cable import (
     Port,
     RigFile,
     Seed,
+    Servos,
     Yes,
     angle_of_end,
     ask,
@@ -50,16 +52,21 @@ def build() -> typer.Typer:
 
 def find(
     port: Port = None,
+    bus: Servos = None,
     emulate: Emulate = None,
     seed: Seed = 0,
     as_json: options.Json = False,
 ) -> None:
     """List the serial ports, or ask who is on one.
 
-    Limit: 4 s for an answer.
+    Limit: 4 s for an answer; a minute for the servos of a bus.
     """
     from twin.rig.link import ports
 
+    if name := servos.name_of(bus, emulate):
+        summary, sentences = servos.find(name, port, emulate, seed)
+        say(summary, as_json, *sentences)
+        return
     if port is None and emulate is None:
         found = ports()
         sentences = [f"{name}: {text}" for name, text in found] or ["no serial port; connect the board's USB cable"]
@@ -77,6 +84,8 @@ def wire(
     channel: Annotated[
         int | None, options.whole_number("N", "joint number on the board; 0, 1, 2 for the names above if not given")
     ] = None,
+    bus: Servos = None,
+    id: Annotated[int, options.whole_number("N", "number of the servo on its bus")] = 1,
     supply: Annotated[float, options.number("V", "voltage of the supply")] = 12.0,
     supply_full: Annotated[
         float | None, options.number("V", "supply at which its pin reads 5 V; 18.5 by the divider of docs/rig.md")
@@ -90,7 +99,8 @@ def wire(
 ) -> None:
     """Check how a joint is wired, by small pulses.
 
-    The sensor has to read; pulses grow until the joint moves, which tells the direction of its motor.
+    The sensor has to read; pulses grow until the joint moves, which tells the direction of its motor. A servo on a bus
+    is asked for its model, its limits and its gains, and does not move.
 
     Limit: 18 pulses. Progress: each pulse.
     """
@@ -98,6 +108,10 @@ def wire(
     from twin.rig.wiring import find_wiring
 
     check_new_file(rig)
+    if name := servos.name_of(bus, emulate):
+        wired = servos.wire(name, id, joint, rig, port, emulate, seed, speaker(as_json))
+        say(wired, as_json, f"Written: {rig}", f"Next: qpal rig run GOALS.csv{servos.again(rig, emulate, seed)}")
+        return
     with rig_on(port, emulate, joint, seed) as (link, emulator):
         start = first_calibration(link, joint, channel, supply, largest, emulator, supply_full)
         check_known(start, link, emulator)
@@ -128,6 +142,7 @@ def zero(
     from twin.rig.wiring import find_ends
     from twin.rig.wiring import zero as zeroed
 
+    servos.refuse("zero", None, emulate, rig)
     known = calibrations.read(rig)
     check_new_file(rig)
     check_angles(low, high)

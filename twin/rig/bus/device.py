@@ -7,7 +7,6 @@ import mujoco
 import numpy as np
 
 from twin.pendulum import Pendulum, at_rest, board
-from twin.plant import slots
 from twin.plant.stepping import TIMESTEP
 from twin.rig.bus import packets
 from twin.rig.bus.packets import Instruction
@@ -225,7 +224,9 @@ class Device:
 
     def _read(self, address: int, size: int) -> bytes:
         self._measure()
-        return packets.status(self.family.name, self.number, self._alert(), bytes(self._bytes[address : address + size]))
+        return packets.status(
+            self.family.name, self.number, self._alert(), bytes(self._bytes[address : address + size])
+        )
 
     def _write(self, address: int, data: bytes) -> int:
         """Write bytes; returns the number of a refusal."""

@@ -80,6 +80,28 @@ class Emulator(Closing):
         """The first servo."""
         return self.devices[0]
 
+    def truth(self) -> dict[str, float]:
+        """The hidden values of the first servo, in rad, s and shares of the largest drive."""
+        p, device, full = self.device.hidden.pendulum, self.device, self.device.model.largest
+        return {
+            "speed_full_drive": p.no_load_speed * full,
+            "time_constant": (p.rotor_inertia + p.mass * p.length**2) * p.no_load_speed / p.stall_torque,
+            "coulomb": p.coulomb / p.stall_torque / full,
+            "load_friction": p.load_friction,
+            "pull": p.mass * p.parameters()["gravity"] * p.length / p.stall_torque / full,
+            "kp": device.get("p") * (device.model.per_gain or 0.0) / full,
+            "kd": device.get("d") * device.hidden.derivative / full,
+        }
+
+    def sentences(self) -> list[str]:
+        """The hidden values in words."""
+        t = self.truth()
+        return [
+            f"Hidden in the emulated servo: {np.rad2deg(t['speed_full_drive']):.4g} deg/s at full drive, time constant "
+            f"{1e3 * t['time_constant']:.3g} ms, friction {t['coulomb']:.3g} and {t['load_friction']:.2g} of the load, "
+            f"pull of the weight {t['pull']:.3g} of its largest drive, kp {t['kp']:.4g} 1/rad, kd {t['kd']:.3g} s/rad"
+        ]
+
     def pull(self) -> None:
         """Pull the cable: nothing arrives any more, the servos live on."""
         self._pulled = True

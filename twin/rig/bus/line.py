@@ -3,6 +3,7 @@
 import importlib
 import math
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -76,17 +77,16 @@ class Bus(Closing):
         self._sdk = library(family)
         self._line = open_port(port, baud) if line is None else line
         self._handler = _port_handler(self._sdk, self)
+        self._first: tuple[Any, ...] = ()
         if family.name == "feetech":
-            self._packets, self._first = self._sdk.sms_sts(self._handler), ()
+            self._packets = self._sdk.sms_sts(self._handler)
         else:
             self._packets, self._first = self._sdk.Protocol2PacketHandler(), (self._handler,)
 
     def close(self) -> None:
         """The port is free for others."""
-        try:
+        with suppress(OSError):
             self._line.close()
-        except OSError:
-            pass
 
     def model(self, number: int, tries: int = TRIES) -> int:
         """The model number of the servo `number`. Raises Silent or Garbled."""
@@ -166,8 +166,17 @@ class Bus(Closing):
             bits = int(value("error")) | int(error)
         else:
             bits = int(self.read(number, self.family.registers["error"])) if int(error) & 0x80 else 0
-        measured = (value(name) for name in ("current", "voltage", "temperature"))
-        return State(int(value("goal")), int(value("position")), load, *measured, bits, asked, answered)
+        return State(
+            int(value("goal")),
+            int(value("position")),
+            load,
+            value("current"),
+            value("voltage"),
+            value("temperature"),
+            bits,
+            asked,
+            answered,
+        )
 
     def _again(self, tries: int, name: str, *values: Any) -> tuple[Any, ...]:
         """The result of a call that may be said again."""
@@ -187,8 +196,8 @@ class Bus(Closing):
             return (*before, result, error)
         if result == self._sdk.COMM_RX_CORRUPT:
             raise Garbled(
-                f"{self.port}: servo {number} answers, but garbled; perhaps two servos have this number, or the bus has "
-                "another rate: connect one servo alone and give it a number of its own"
+                f"{self.port}: servo {number} answers, but garbled; perhaps two servos have this number, or the bus "
+                "has another rate: connect one servo alone and give it a number of its own"
             )
         raise Silent(
             f"{self.port}: servo {number} does not answer; check its number, its supply and the bus's rate: qpal rig "
@@ -217,9 +226,7 @@ def library(family: Family) -> Any:
     try:
         found = importlib.import_module(family.library)
     except ImportError:
-        raise InputError(
-            f"{family.words} servos need {family.package}, which is not installed: {extra}"
-        ) from None
+        raise InputError(f"{family.words} servos need {family.package}, which is not installed: {extra}") from None
     if family.name == "feetech" and not hasattr(found, "sms_sts"):
         raise InputError(
             f"the installed {family.library} is that of another package, of which {family.package} has the same name; "
@@ -244,7 +251,7 @@ def _port_handler(sdk: Any, bus: Bus) -> Any:
     not come.
     """
 
-    class Port(sdk.PortHandler):  # type: ignore[misc, name-defined]
+    class Port(sdk.PortHandler):
         def __init__(self) -> None:
             super().__init__(bus.port)
             self.ser, self.is_open, self.baudrate = bus._line, True, bus.baud

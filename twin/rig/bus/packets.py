@@ -33,7 +33,7 @@ def crc16(data: bytes) -> int:
 
 def taken(family: str, buffer: bytearray) -> list[Instruction]:
     """The whole instructions at the front of `buffer`, which keeps what is not whole; damaged ones are dropped."""
-    found = []
+    found: list[Instruction] = []
     head = b"\xff\xff" if family == "feetech" else b"\xff\xff\xfd\0"
     while True:
         start = buffer.find(head)
@@ -43,10 +43,7 @@ def taken(family: str, buffer: bytearray) -> list[Instruction]:
         del buffer[:start]
         if len(buffer) < SHORTEST[family]:
             return found
-        if family == "feetech":
-            length = buffer[3] + 4
-        else:
-            length = int.from_bytes(buffer[5:7], "little") + 7
+        length = buffer[3] + 4 if family == "feetech" else int.from_bytes(buffer[5:7], "little") + 7
         if not SHORTEST[family] <= length <= 1024:
             del buffer[:1]
             continue

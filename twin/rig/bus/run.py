@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,9 @@ def read_goals(path: str | Path) -> Input:
     table = read_table(path)
     mapping = guess(table, Given()).mapping.model_copy(update={"output": (), "other": (), "range": Range()})
     if len(mapping.input) != 1 or not mapping.input[0].column:
-        raise InputError(f"{path}: no column is the one goal to play; give a file with the columns time [s] and goal [deg]")
+        raise InputError(
+            f"{path}: no column is the one goal to play; give a file with the columns time [s] and goal [deg]"
+        )
     signals = sample(table, mapping)
     (u,) = signals.input
     if u.unit != "rad":
@@ -76,8 +77,8 @@ def check_goals(given: Input, servo: Servo) -> np.ndarray:
 
 @dataclass
 class Recording:
-    """What came back of goals (n,) [ticks]: `goals` as the servo has them, `positions` (n,) [ticks], nan where none came
-    in time; when each goal was sent and each position read [s], and what else was measured by name (n,).
+    """What came back of goals (n,) [ticks]: `goals` as the servo has them, `positions` (n,) [ticks], nan where none
+    came; when each goal was sent and each position read [s], and what else was measured by name (n,).
 
     `off` [s] is how long after the end of the run the servo confirmed that its torque is off, None if it did not.
     """
@@ -100,7 +101,9 @@ class Recording:
     @property
     def offsets(self) -> tuple[float, float]:
         """Median times after the grid's at which goals were sent and positions read [s]."""
-        return tuple(float(np.nanmedian(t - self._grid)) if np.isfinite(t).any() else 0.0 for t in (self.sent, self.read))  # type: ignore[return-value]
+        return tuple(
+            float(np.nanmedian(t - self._grid)) if np.isfinite(t).any() else 0.0 for t in (self.sent, self.read)
+        )  # type: ignore[return-value]
 
     @property
     def _grid(self) -> np.ndarray:
@@ -152,7 +155,11 @@ class _Player:
         bus, number = self.bus, self.servo.number
         place = rest(bus, number, self.known.model)
         self._check_pace()
-        if not self.servo.soft_low - self.servo.beyond < self.servo.angle(place) < self.servo.soft_high + self.servo.beyond:
+        if (
+            not self.servo.soft_low - self.servo.beyond
+            < self.servo.angle(place)
+            < self.servo.soft_high + self.servo.beyond
+        ):
             raise InputError(
                 f"{bus.port}: servo {number} is at {np.rad2deg(self.servo.angle(place)):.1f} deg, outside its soft "
                 "limits; bring it inside by hand"
@@ -250,7 +257,7 @@ class _Player:
         elif now - self.free > CURRENT_TIME:
             raise _Early(f"the servo draws {abs(state.current):.2f} A, and the limit is {servo.largest_current:.2f} A")
         moved = self.place is None or abs(angle - self.place) > MOTION
-        if moved or not abs(state.load) > FULL * self.known.loop["limit"]:
+        if moved or not abs(state.load) > FULL * self.known.loop["largest_drive"]:
             self.place, self.driven = angle, now
         elif now - self.driven > servo.stall:
             raise _Early("it does not move at its largest drive (stall)")
@@ -301,8 +308,8 @@ def play(
 ) -> tuple[Recording, About]:
     """Play goals (N,) [ticks], each for Ts [s]; the torque is off at the end, however it comes.
 
-    An error of the servo, heat, current, a stall, a place beyond the limits, a lost line and Ctrl-C end the run early and
-    leave what was recorded. Raises InputError where the run cannot begin.
+    An error of the servo, heat, current, a stall, a place beyond the limits, a lost line and Ctrl-C end the run early
+    and leave what was recorded. Raises InputError where the run cannot begin.
     """
     known = about(bus, servo.number, servo.model)
     player = _Player(bus, servo, known, np.asarray(goals), Ts, progress)
@@ -375,7 +382,7 @@ def save(log: Log, recording: Recording, path: str | Path) -> Path:
     """Write the log with the true times of each sample and what else was measured, in columns of their own."""
     import json
 
-    columns = {"time_s": np.round(log.t, 9), "reference_rad": log.u, "angle_rad": log.y}
-    columns |= {"goal_sent_after_ms": 1e3 * (recording.sent - log.t), "read_after_ms": 1e3 * (recording.read - log.t)}
+    columns: dict[str, np.ndarray] = {"time_s": np.round(log.t, 9), "reference_rad": log.u, "angle_rad": log.y}
+    columns |= {"sent_after_ms": 1e3 * (recording.sent - log.t), "read_after_ms": 1e3 * (recording.read - log.t)}
     columns |= {EXTRA[name]: values for name, values in recording.more.items() if np.isfinite(values).any()}
     return write_table(path, columns, json.dumps({**log.meta, "joint": log.joint, "Ts": log.Ts}))

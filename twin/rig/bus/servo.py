@@ -78,7 +78,7 @@ class Servo(BaseModel):
         """Of the angle over the position."""
         return -1 if self.reversed else 1
 
-    def angle(self, position: np.ndarray) -> np.ndarray:
+    def angle(self, position: np.ndarray | int) -> np.ndarray:
         """Angles [rad] of positions [ticks]."""
         return self.sign * (np.asarray(position, dtype=float) - self.middle) * TICK
 
@@ -97,20 +97,22 @@ class About:
 
     @property
     def loop(self) -> dict[str, Any]:
-        """Its loop as `sysid.structures.ServoJoint` takes it: kinds of terms, gains in shares of full duty and rad where
-        the register's scale is known, and the largest drive."""
+        """Its loop as `sysid.structures.ServoJoint` takes it: its terms, and kp in shares of the largest drive per rad
+        where the register's scale is known. `largest_drive` is the share of full duty."""
         terms = "pid" if self.registers["i"] else "pd" if self.registers["d"] else "p"
         limit = min(self.registers["drive_limit"], self.registers["drive_goal"])
         share = limit * self.family.registers["drive_limit"].unit * self.model.largest
-        kp = None if self.model.per_gain is None else self.registers["p"] * self.model.per_gain
-        return {"loop": terms, "kp": kp, "limit": round(share, 6)}
+        kp = None if self.model.per_gain is None else self.registers["p"] * self.model.per_gain / share
+        return {"loop": terms, "kp": kp, "largest_drive": round(share, 6)}
 
     def notes(self) -> list[str]:
         """Sentences on what the model of a servo joint does not have."""
         forward = self.registers.get("feedforward_1", 0) or self.registers.get("feedforward_2", 0)
         found = ["the servo's feedforward gains are not 0, and a servo joint has none"] if forward else []
         if self.model.per_gain is None:
-            found.append(f"the scale of the P register of a {self.model.name} is not known: kp is found from the record")
+            found.append(
+                f"the scale of the P register of a {self.model.name} is not known: kp is found from the record"
+            )
         return found
 
 
@@ -170,8 +172,10 @@ def rest(bus: Bus, servo_number: int, model: Model) -> int:
             trouble = error
             continue
         if state.error:
-            raise InputError(f"{bus.port}: servo {servo_number} reports {errors_of(bus.family, state.error)}; "
-                             "switch its supply off and on")
+            raise InputError(
+                f"{bus.port}: servo {servo_number} reports {errors_of(bus.family, state.error)}; "
+                "switch its supply off and on"
+            )
         positions.append(state.position)
         bus.clock.wait_until(bus.clock.now() + BETWEEN)
     if len(positions) < RESTS:
