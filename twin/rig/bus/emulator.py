@@ -18,6 +18,7 @@ from twin.rig.bus.registers import Family
 from twin.rig.closing import Closing
 
 BAUD = 1_000_000
+CATCH_UP = 0.02  # [s] of the servos between two looks at the line, where the machine was busy
 POLL = 1e-3  # [s] that a read without data takes
 ADAPTER = (2e-4, 1e-4)  # [s] of a USB adapter on the way of an answer: least, and mean of the rest
 SLEEP = 5e-5  # [s] by which a host wakes up late, on the mean
@@ -152,7 +153,7 @@ class Emulator(Closing):
             if instruction.code == packets.SYNC_READ:
                 asked = packets.addressed(self.family.name, instruction.parameters)[2]
                 order = [number for number in asked if number in answers]
-            together = self.family.name == "feetech" and instruction.number == packets.EVERYBODY
+            together = self.family.name == "feetech" and instruction.code == packets.PING
             for number in [order[0]] if together and order else order:
                 group = [a for n in order for a in answers[n]] if together else answers[number]
                 said += self._damage(_collided(group))
@@ -188,15 +189,17 @@ class Emulator(Closing):
         self._master, self._slave = os.openpty()
         tty.setraw(self._slave)
         os.set_blocking(self._master, False)
-        self.port, self._began = os.ttyname(self._slave), time.perf_counter()
-        self._closing = threading.Event()
+        self.port = os.ttyname(self._slave)
+        self._advance(TIMESTEP)  # compiled code is loaded before anybody waits
+        self._stepped, self._closing = 0.0, threading.Event()
+        self._began = time.perf_counter()
         self._thread = threading.Thread(target=self._serve, name="emulated bus", daemon=True)
         self._thread.start()
 
     def _serve(self) -> None:
         while not self._closing.is_set():
             came = bool(select.select([self._master], [], [], TIMESTEP)[0])
-            self._advance(self.now())
+            self._advance(min(self.now(), self._stepped + CATCH_UP))
             try:
                 if came and (answer := self._answers(os.read(self._master, 4096))):
                     os.write(self._master, answer)

@@ -12,6 +12,11 @@ from twin.rig.bus.registers import FAMILIES, Family, Model, Register
 from twin.rig.closing import Closing
 from twin.rig.link import Lost, open_port
 
+_TERMINAL: tuple[type[Exception], ...] = ()
+with suppress(ImportError):  # not of every system: a port that is gone says so when its input is cleared
+    import termios
+
+    _TERMINAL = (termios.error,)
 ANSWER = 0.02  # [s] that an answer may take beside its bytes: USB adapters keep bytes for up to 16 ms
 TRIES = 3  # of what may be said again
 BITS = 10  # of a byte on the line
@@ -43,6 +48,10 @@ class Silent(InputError):  # noqa: N818 - reads as what it says
 
 class Garbled(InputError):  # noqa: N818
     """An answer came and its check sum is wrong."""
+
+
+class Refused(InputError):  # noqa: N818
+    """The servo does not take what was written."""
 
 
 @dataclass(frozen=True)
@@ -135,11 +144,11 @@ class Bus(Closing):
         return bytes(data)
 
     def write(self, number: int, register: Register, value: int, tries: int = TRIES) -> None:
-        """Write a register, in its own counts. Raises InputError where the servo refuses."""
+        """Write a register, in its own counts. Raises Refused where the servo does not take it."""
         *_, error = self._again(tries, "writeTxRx", number, register.address, register.size, [*register.data(value)])
         refusal = int(error) & 0x7F if self.family.name == "dynamixel" else 0
         if refusal:
-            raise InputError(
+            raise Refused(
                 f"{self.port}: servo {number} refuses {value} for register {register.address}: "
                 f"{self._packets.getRxPacketError(refusal).removeprefix('[RxPacketError] ') or refusal}"
             )
@@ -208,11 +217,11 @@ class Bus(Closing):
         self._handler.is_using = False  # Ctrl-C within a call leaves it set
         try:
             return call()
-        except (OSError, TypeError, IndexError) as error:
+        except (OSError, TypeError, IndexError, *_TERMINAL) as error:
             # The libraries index into answers that are too short for what they say of themselves.
             if isinstance(error, IndexError):
                 raise Garbled(f"{self.port}: an answer came that makes no sense") from None
-            text = getattr(error, "strerror", None) or error
+            text = getattr(error, "strerror", None) or error.args[-1]
             raise Lost(f"{self.port}: the connection is lost ({text})") from None
 
     def seconds(self, size: int) -> float:

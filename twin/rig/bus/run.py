@@ -15,7 +15,7 @@ from sysid.channels.reading import sample
 from sysid.formats import read_table, write_table
 from twin.log import Log
 from twin.parameters import JOINTS
-from twin.rig.bus.line import Bus, Garbled, Silent, State
+from twin.rig.bus.line import Bus, Garbled, Refused, Silent, State
 from twin.rig.bus.registers import TICK, WATCHDOG_UNIT
 from twin.rig.bus.servo import About, Servo, about, errors_of, rest
 from twin.rig.link import Lost
@@ -221,9 +221,12 @@ class _Player:
     def _turn(self, goal: int, k: int | None = None) -> State | None:
         """Send a goal and read the servo; None if no answer came. Raises _Early for what is wrong."""
         bus, made, confirmed, state = self.bus, self.made, False, None
-        with self._counted():
-            bus.write(self.servo.number, bus.family.registers["goal"], goal, tries=1)
-            confirmed = True
+        try:
+            with self._counted():
+                bus.write(self.servo.number, bus.family.registers["goal"], goal, tries=1)
+                confirmed = True
+        except Refused as refused:  # so a Dynamixel says that its watchdog has stopped it
+            raise _Early(f"{refused}; a Dynamixel whose host was silent for too long takes no goal") from None
         with self._counted():
             state = bus.state(self.servo.number, self.known.model)
         now = bus.clock.now()
@@ -371,7 +374,14 @@ def log_of(recording: Recording, servo: Servo, known: About, source: str = "") -
         notes += [sentence.format(count, n)] if count else []
     notes += [f"the run ended early: {recording.reason}"] if recording.reason else []
     notes += ["the servo did not confirm that its torque is off"] if recording.off is None else []
-    meta = {"source": "rig", "excitation": source, "mode": "servo", "u_unit": "rad", "rig": rig, "notes": notes}
+    meta: dict[str, Any] = {
+        "source": "rig",
+        "excitation": source,
+        "mode": "servo",
+        "u_unit": "rad",
+        "rig": rig,
+        "notes": notes,
+    }
     meta |= {"servo": {**known.loop, "registers": dict(known.registers)}}
     meta |= {"filled": lost.tolist()} if len(lost) else {}
     joint = servo.joint if servo.joint in JOINTS else ""
