@@ -12,11 +12,11 @@ from twin.rig.bus.registers import FAMILIES, Family, Model, Register
 from twin.rig.closing import Closing
 from twin.rig.link import Lost, open_port
 
-_TERMINAL: tuple[type[Exception], ...] = ()
+_GONE: tuple[type[Exception], ...] = (OSError, TypeError, IndexError)
 with suppress(ImportError):  # not of every system: a port that is gone says so when its input is cleared
     import termios
 
-    _TERMINAL = (termios.error,)
+    _GONE = (*_GONE, termios.error)
 ANSWER = 0.02  # [s] that an answer may take beside its bytes: USB adapters keep bytes for up to 16 ms
 TRIES = 3  # of what may be said again
 BITS = 10  # of a byte on the line
@@ -217,7 +217,7 @@ class Bus(Closing):
         self._handler.is_using = False  # Ctrl-C within a call leaves it set
         try:
             return call()
-        except (OSError, TypeError, IndexError, *_TERMINAL) as error:
+        except _GONE as error:
             # The libraries index into answers that are too short for what they say of themselves.
             if isinstance(error, IndexError):
                 raise Garbled(f"{self.port}: an answer came that makes no sense") from None

@@ -1,0 +1,76 @@
+"""Hidden servos behind the emulated buses: wire, run, identify, and what came out beside the truth.
+
+    python scripts/study.py servo_buses [--seeds 0:40] [--garbled 0.01] [--lost 0.001] [--late 0.002]
+
+Even seeds are a Dynamixel XL330, odd ones a Feetech STS3215. Each plays 30 s of drawn steps; a servo joint with
+friction by load is fitted with the loop and kp that the log's header names. Errors are in percent of the truth.
+"""
+
+import argparse
+from typing import Any
+
+import numpy as np
+from study import Study
+
+import sysid
+from sysid.blocks import ServoMotor
+from sysid.structures import servo_joint
+from twin.rig.bus.emulator import Emulator
+from twin.rig.bus.registers import DYNAMIXEL, FEETECH
+from twin.rig.bus.run import check_goals, log_of, play
+from twin.rig.bus.servo import wired
+from twin.rig.run import Input
+
+TS, NAMES = 0.02, ("speed_full_drive", "time_constant", "pull")
+
+
+def score(case: tuple[int], options: argparse.Namespace) -> dict[str, Any]:
+    """Errors [%], jitter [ms] and lost samples of servo k."""
+    (k,) = case
+    family = (DYNAMIXEL, FEETECH)[k % 2]
+    damage = {"garbled": options.garbled, "lost": options.lost, "late": options.late}
+    u = np.repeat(np.random.default_rng([k, 1]).uniform(-0.7, 0.7, 60), 25)
+    with Emulator(family, k, **damage) as emulator, emulator.bus() as bus:
+        servo = wired(bus, 1, "servo", lambda sentence: None)[0]
+        recording, known = play(bus, servo, check_goals(Input(u, TS), servo), TS)
+        true, log = emulator.truth(), log_of(recording, servo, known)
+    loop = known.loop
+    motor = ServoMotor(load=0, periodic=1, stops=False, loss=True, loop=loop["loop"])
+    fit = sysid.fit(servo_joint(motor, play=False, kp=loop["kp"]), log.io(), search="lm", starts=2)
+    found = dict(zip(fit.model.names, fit.theta, strict=True))
+    values = {"speed_full_drive": found["motor.gain"] / TS, "time_constant": found["motor.lag"] * TS}
+    values["pull"] = float(np.hypot(found["motor.sine1"], found["motor.cosine1"]))
+    errors = {name: 100.0 * (values[name] / true[name] - 1.0) for name in NAMES}
+    rig = log.meta["rig"]
+    counts = {"missing": int(np.isnan(log.y).sum()), "jitter": rig["jitter_ms"], "other": recording.other_goals}
+    return errors | counts | {"family": family.name, "early": recording.reason}
+
+
+def summary(rows: list[dict[str, Any]], options: argparse.Namespace) -> str:
+    """Median and largest error of each value, by family."""
+    lines = ["| family | n | speed | time constant | pull | missing of 1500 | jitter [ms] | ended early |"]
+    lines.append("| :-- | --: | --: | --: | --: | --: | --: | --: |")
+    for family in (DYNAMIXEL.name, FEETECH.name):
+        group = [r for r in rows if r["family"] == family]
+        if not group:
+            continue
+        cells = []
+        for name in NAMES:
+            off = np.abs([r[name] for r in group])
+            cells.append(f"{np.median(off):.2f}, {off.max():.2f} %")
+        cells += [f"{np.mean([r['missing'] for r in group]):.0f}", f"{np.median([r['jitter'] for r in group]):.2f}"]
+        lines.append(f"| {family} | {len(group)} | {' | '.join(cells)} | {sum(bool(r['early']) for r in group)} |")
+    return "\n".join(lines)
+
+
+STUDY = Study(
+    cases=lambda options: ((k,) for k in options.seeds),
+    score=score,
+    summary=summary,
+    seeds="0:40",
+    options={
+        "--garbled": {"type": float, "default": 0.01, "help": "share of packets with a damaged byte"},
+        "--lost": {"type": float, "default": 0.001, "help": "share of packets that never arrive"},
+        "--late": {"type": float, "default": 0.002, "help": "share of answers that come 8 ms late"},
+    },
+)
