@@ -72,7 +72,9 @@ def test_the_makers_library_talks_to_the_stand_in_over_a_pseudo_terminal(family)
         packets = sdk.sms_sts(port) if feetech else sdk.Protocol2PacketHandler()
         first = () if feetech else (port,)
         group = (packets,) if feetech else (port, packets)
-        assert packets.ping(*first, 7)[:2] == ((777 if feetech else 1200), sdk.COMM_SUCCESS)
+        # The library reads in a loop without a pause, which may leave the thread of the stand-in without its turn.
+        answers = (packets.ping(*first, 7)[:2] for _ in range(10))
+        assert next((model for model, how in answers if how == sdk.COMM_SUCCESS), None) == (777 if feetech else 1200)
         assert packets.ping(*first, 3)[1] == sdk.COMM_RX_TIMEOUT
         goal, p = family.registers["goal"], family.registers["p"]
         write = sdk.GroupSyncWrite(*group, goal.address, goal.size)
@@ -82,13 +84,14 @@ def test_the_makers_library_talks_to_the_stand_in_over_a_pseudo_terminal(family)
         read = sdk.GroupSyncRead(*group, goal.address, goal.size)
         assert read.addParam(1)
         assert read.addParam(7)
-        # It reads in a loop without a pause, which may leave the thread of the stand-in without its turn for a while.
-        assert any(read.txRxPacket() == sdk.COMM_SUCCESS for _ in range(5))
+        assert any(read.txRxPacket() == sdk.COMM_SUCCESS for _ in range(10))
         assert [read.getData(n, goal.address, goal.size) for n in (1, 7)] == [2001, 2007]
         # A D register of FF FF FD would be stuffed; three bytes of the table that hold it travel whole.
-        assert packets.writeTxRx(*first, 1, 220, 4, [0xFF, 0xFF, 0xFD, 5])[0] == sdk.COMM_SUCCESS
-        assert bytes(packets.readTxRx(*first, 1, 220, 4)[0]) == b"\xff\xff\xfd\x05"
-        assert packets.writeTxRx(*first, 7, p.address, p.size, list(p.data(90)))[0] == sdk.COMM_SUCCESS
+        stuffed = [0xFF, 0xFF, 0xFD, 5]
+        assert any(packets.writeTxRx(*first, 1, 220, 4, stuffed)[0] == sdk.COMM_SUCCESS for _ in range(10))
+        assert any(bytes(packets.readTxRx(*first, 1, 220, 4)[0]) == b"\xff\xff\xfd\x05" for _ in range(10))
+        given = list(p.data(90))
+        assert any(packets.writeTxRx(*first, 7, p.address, p.size, given)[0] == sdk.COMM_SUCCESS for _ in range(10))
         assert [d.get("p") for d in devices] == [32 if feetech else 400, 90]
         port.closePort()
 
