@@ -43,6 +43,30 @@ CART = """
   </actuator>
 </mujoco>
 """
+SERVO = """
+<mujoco model="servo">
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body>
+      <joint name="hinge" axis="0 1 0" damping="0.1" armature="0.005" frictionloss="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.25" size=".02"/>
+    </body>
+  </worldbody>
+  <actuator><position name="servo" joint="hinge" kp="20" kv="0.4"/></actuator>
+</mujoco>
+"""
+MOTOR = """
+<mujoco model="motor">
+  <option timestep="0.002"/>
+  <worldbody>
+    <body>
+      <joint name="hinge" axis="0 1 0" damping="0.15" armature="0.01" frictionloss="0.05"/>
+      <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".03"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="motor" joint="hinge" gear="2" ctrlrange="-5 5"/></actuator>
+</mujoco>
+"""
 TRUTH = {
     "hip_servo.armature": 0.03,
     "knee_servo.armature": 0.012,
@@ -66,10 +90,11 @@ def levels(rng, n, N, each, amplitude=0.6):
     return np.repeat(rng.uniform(-amplitude, amplitude, (N // each + 1, n)), each, axis=0)[:N]
 
 
-def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec):
+def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec, force=None):
     """Readings y (N, n) of actuators `names` under u (N, n), held for Ts [s], of a robot with the hidden values.
 
-    The encoders read the angle plus the bias, and the servos control what they read. `keep` changes the spec.
+    The encoders read the angle plus the bias, and the servos control what they read. `keep` changes the spec; `force`
+    of positions and speeds (n,) acts at the joints beside the model's own.
     """
     spec = keep(mujoco.MjSpec.from_string(xml))
     for name in names:
@@ -82,6 +107,7 @@ def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec):
     bias = np.array([truth.get(f"{name}.bias", 0.0) for name in names])
     ids = [model.actuator(name).id for name in names]
     places = [int(model.jnt_qposadr[model.actuator_trnid[k, 0]]) for k in ids]
+    dofs = [int(model.jnt_dofadr[model.actuator_trnid[k, 0]]) for k in ids]
     servo = np.array([model.actuator_biasprm[k, 1] != 0.0 for k in ids])
     data.qpos[places] = np.where(servo, u[0], 0.0) - bias
     every, y = round(Ts / h), np.zeros(u.shape)
@@ -93,6 +119,8 @@ def record(xml, truth, names, u, Ts, noise, rng, keep=lambda spec: spec):
         share = min((k + 1 - start) * Ts / h, 1.0)
         old, new = (u[min(max(each, 0), len(u) - 1)] for each in (k, k + 1))
         data.ctrl[ids] = share * old + (1.0 - share) * new - servo * bias
+        if force is not None:
+            data.qfrc_applied[dofs] = force(data.qpos[places], data.qvel[dofs])
         mujoco.mj_step(model, data)
     return y + noise * rng.standard_normal(y.shape)
 

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 import twin
-from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.output import run_folder
 from twin.hardware.potentiometer import SIDES
@@ -22,10 +21,8 @@ JOINT = "thigh"  # where neither a joint nor a model is named
 def calibrate(
     files: Annotated[list[str], typer.Argument(metavar="FILE...", help="logs of the joint to calibrate from")],
     joint: Annotated[str | None, options.name(f"which, {JOINT} if not given", twin.JOINTS)] = None,
-    model: Annotated[
-        str | None, typer.Option(metavar="FILE", help="MJCF of a robot, to calibrate its joints instead of the leg's")
-    ] = None,
-    actuator: Annotated[str, typer.Option(metavar="A,B", help="with --model: actuators whose joints are logged")] = "",
+    model: options.Model = None,
+    actuator: options.Actuator = "",
     input: options.Input = None,
     output: options.Output = None,
     free: Annotated[
@@ -66,7 +63,7 @@ def calibrate(
     Limit: 2 descents of at most 30 steps each. Progress: each step. Budget: --seconds.
     """
     limit = options.budget(seconds)
-    _check_options(
+    options.check_sides(
         model,
         {"--actuator": actuator, "--input": input, "--output": output},
         {
@@ -83,8 +80,7 @@ def calibrate(
         columns = {"input": input, "output": output, "mapping": map}
         kinds = None if free is None else options.names(free)
         held = options.names(hold_out)
-        given = {"--model": model, "--actuator": actuator, "--input": input, "--output": output, "--map": map}
-        rest = [word for name, value in given.items() if value for word in (name, value)]
+        rest = options.of_robot(model, actuator, input, output, map)
         return _robot(
             model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json, rest
         )
@@ -124,8 +120,7 @@ def calibrate(
             "--realisation": realisation,
             "--map": map,
         }
-        words = [word for option, value in given.items() if value for word in (option, value)]
-        command = shlex.join(["qpal", "calibrate", *files, *words])
+        command = shlex.join(["qpal", "calibrate", *files, *options.given(given)])
         result = replace(result, provenance={**result.provenance, "command": command})
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}
@@ -140,14 +135,6 @@ def calibrate(
     sentences += [] if result.differing else [next_step]  # a value that differs between logs comes first
     console.finish(folder, summary, as_json, report.tables(result), sentences)
     return 0 if result.converged and not advice.useless(result) else 1
-
-
-def _check_options(model: str | None, of_robot: dict[str, str | None], of_leg: dict[str, str | None]) -> None:
-    """Raises InputError for options that belong to the leg where a robot is calibrated, and the other way round."""
-    for name, value in (of_robot if model is None else of_leg).items():
-        if value:
-            side = "a robot's MJCF: give it with --model" if model is None else f"the leg, and --model is {model}"
-            raise InputError(f"{name} belongs to {side}, or leave {name} out")
 
 
 def _robot(

@@ -1,4 +1,4 @@
-"""`qpal compare`: a log beside the twin, a saved model or a second log."""
+"""`qpal compare`: a log beside the twin, a saved model, a second log or a user's MJCF."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -15,6 +15,7 @@ from twin.parameters import REALISATIONS
 if TYPE_CHECKING:
     from twin.compare.comparison import Comparison
 
+LEAST = 50  # samples of a log beside a robot, however few --seconds are
 PARTS = ("delay", "sign", "gear", "offset")
 
 
@@ -27,6 +28,10 @@ def compare(
             metavar="FILE", help="a saved model (.json) or a second log of the same input, instead of the twin"
         ),
     ] = None,
+    model: options.Model = None,
+    actuator: options.Actuator = "",
+    input: options.Input = None,
+    output: options.Output = None,
     align: Annotated[
         str, typer.Option(metavar="A,B", help=f"what of the alignment to apply to the twin, of {', '.join(PARTS)}")
     ] = "",
@@ -49,14 +54,31 @@ def compare(
 
     The report says how much of the difference each physical effect explains.
 
-    With --against: from a saved model, or from a second log of the same input.
+    With --against: from a saved model, or from a second log of the same input. With --model: from a robot's MJCF, with
+    the kinds of its parameters in place of effects.
 
     Limit: the log, of which effects are moved on the first --seconds. Progress: each part.
     """
-    parameters = options.parameters(params)
-    _check_options(against, align, without, params, pot_side, realisation)
+    options.check_sides(
+        model,
+        {"--actuator": actuator, "--input": input, "--output": output},
+        {
+            "--joint": joint,
+            "--against": against,
+            "--align": align,
+            "--without": without,
+            "--params": params,
+            "--pot-side": pot_side,
+            "--realisation": realisation,
+        },
+    )
     if not 0 < seconds < float("inf"):
         raise InputError(f"--seconds is {seconds:g}; give a positive number of seconds")
+    if model is not None:
+        _with_robot(file, model, actuator, input, output, map, seconds, out, as_json)
+        return
+    parameters = options.parameters(params)
+    _check_options(against, align, without, params, pot_side, realisation)
     from sysid.report.page import write
     from twin.report import compare as report
 
@@ -88,6 +110,36 @@ def compare(
     console.finish(
         folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, command)
     )
+
+
+def _with_robot(
+    file: str,
+    model: str,
+    actuator: str,
+    input: str | None,
+    output: str | None,
+    map: str | None,
+    seconds: float,
+    out: str | None,
+    as_json: bool,
+) -> None:
+    """The log `file` beside joints of the MJCF `model`, over its first `seconds`."""
+    from sysid.report.page import write
+    from twin.mjcf import advice, logs, robot
+    from twin.mjcf.comparison import compare as run
+    from twin.report import mjcf_comparison as report
+
+    rig = robot.read(model, options.names(actuator))
+    log = logs.read(file, rig, input, output, map)
+    log = log.part(rows=slice(max(round(seconds / log.Ts), LEAST)))
+    with run_folder(out, "compare") as (folder, scratch), console.progress(12, lines=not as_json) as step:
+        result = run(rig, log, progress=step)
+        step("drawing")
+        following = advice.after_comparison(result, file, options.of_robot(model, actuator, input, output, map))
+        summary = {"file": file, "next": following, **result.as_dict()}
+        write(scratch, report.page(result, following), summary)
+    verdict, *others = report.sentences(result)
+    console.finish(folder, summary, as_json, report.tables(result), [*others, following], verdict)
 
 
 def _check_options(against: str | None, align: str, *of_twin: str | None) -> None:

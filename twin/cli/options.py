@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -71,6 +71,12 @@ Input = Annotated[
 Output = Annotated[
     str | None, typer.Option("--output", metavar="COL", help="column of the output; a,b where a model has two")
 ]
+Model = Annotated[
+    str | None, typer.Option("--model", metavar="FILE", help="MJCF of a robot, whose joints are meant, not the leg's")
+]
+Actuator = Annotated[
+    str, typer.Option("--actuator", metavar="A,B", help="with --model: actuators whose joints are logged")
+]
 Ts = Annotated[float | None, number("S", "sampling time in seconds")]
 Time = Annotated[str | None, typer.Option("--time", metavar="COL", help="time column, instead of --ts")]
 TimeUnit = Annotated[
@@ -109,6 +115,25 @@ def orders(text: str, names: "dict[str, Option]", example: str) -> dict[str, int
         if not (least := names[name].least) <= value <= 100:
             raise InputError(f"--orders is {text!r} with {name} {value}; give {name} from {least} to 100")
     return values
+
+
+def given(values: Mapping[str, str | None]) -> list[str]:
+    """The words of a command that gives these options, without those that have no value."""
+    return [word for name, value in values.items() if value for word in (name, value)]
+
+
+def of_robot(model: str, actuator: str, input: str | None, output: str | None, map: str | None) -> list[str]:
+    """The words of a command about a robot, beside its logs."""
+    return given({"--model": model, "--actuator": actuator, "--input": input, "--output": output, "--map": map})
+
+
+def check_sides(model: str | None, of_robot: Mapping[str, str | None], of_leg: Mapping[str, str | None]) -> None:
+    """Raises InputError for options that belong to the leg where a robot is meant, and the other way round."""
+    for name, value in (of_robot if model is None else of_leg).items():
+        if value and model is None:
+            raise InputError(f"{name} belongs to a robot's MJCF: give it with --model, or leave {name} out")
+        if value:
+            raise InputError(f"{name} belongs to the leg, and --model is {model}; leave one of the two out")
 
 
 def names(text: str) -> tuple[str, ...]:

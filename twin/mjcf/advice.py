@@ -1,12 +1,40 @@
-"""The one command to try after a calibration of a robot."""
+"""The one command to try after a calibration of a robot, or a comparison with it."""
 
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
 from twin.mjcf.calibration import RobotCalibration
+from twin.mjcf.comparison import RobotComparison
 from twin.mjcf.parameters import USUAL
 from twin.mjcf.writing import file_name
+
+OTHER = "OTHER.csv"  # a log of another kind of motion, that is still to be recorded
+
+
+def calibrate_command(
+    used: Sequence[str], rest: Sequence[str], free: Sequence[str], held: Sequence[str] = (), *more: str
+) -> str:
+    """The command that calibrates the kinds `free` from the logs `used`; `rest` are words of its options."""
+    held_words = ["--hold-out", ",".join(held)] if held else []
+    free_words = [] if tuple(free) == USUAL else ["--free", ",".join(free)]
+    return shlex.join(["qpal", "calibrate", *used, *rest, *free_words, *held_words, *more])
+
+
+def after_comparison(result: RobotComparison, file: str, rest: Sequence[str]) -> str:
+    """What to do after the comparison of the log `file`; `rest` are the words of its command beside it."""
+    if result.named:
+        return f"Next: {calibrate_command([file], rest, result.named)}"
+    if result.nothing or not result.chain:
+        return (
+            f"Next: record another kind of motion as {OTHER}, and compare that too: "
+            f"{shlex.join(['qpal', 'compare', OTHER, *rest])}"
+        )
+    nearest = result.chain[-1].kinds
+    return (
+        f"Next: record another kind of motion as {OTHER}, and see whether the model is better there with what this log "
+        f"says of {' and '.join(nearest)}: {calibrate_command([file], rest, nearest, [OTHER])}"
+    )
 
 
 def next_step(
@@ -26,9 +54,7 @@ def next_step(
     kinds = list(dict.fromkeys(each.kind.name for each in result.parameters))
 
     def command(used: Sequence[str], held: Sequence[str], *more: str, free: Sequence[str] = kinds) -> str:
-        held_words = ["--hold-out", ",".join(held)] if held else []
-        free_words = [] if tuple(free) == USUAL else ["--free", ",".join(free)]
-        return shlex.join(["qpal", "calibrate", *used, *rest, *free_words, *held_words, *more])
+        return calibrate_command(used, rest, free, held, *more)
 
     unknown = [value.name for value in result.values if not value.determined]
     if result.optimum.late:
@@ -53,9 +79,6 @@ def next_step(
             f"{command([*files, 'NEW.csv'], held_out)}"
         )
     if not held_out:
-        return (
-            "Next: record another kind of motion as OTHER.csv, and judge the model on it: "
-            f"{command(files, ['OTHER.csv'])}"
-        )
+        return f"Next: record another kind of motion as OTHER.csv, and judge the model on it: {command(files, [OTHER])}"
     viewer = ["python", "-m", "mujoco.viewer", f"--mjcf={folder / file_name(result.robot)}"]
     return f"Next: look at the calibrated robot: {shlex.join(viewer)}"

@@ -64,6 +64,15 @@ def start_of(rig: Rig, values: np.ndarray, log: RobotLog, sigma: np.ndarray) -> 
     return np.asarray(task.starts(find_optimum(task, np.random.default_rng(0), draws=0).p)[0])
 
 
+def check_course(task: Fit, p: np.ndarray) -> None:
+    """Raises InputError where the model cannot be simulated at p (n,)."""
+    if task.residual(p) is None:
+        raise InputError(
+            f"{task.rig.robot.path}: over these logs the model cannot be simulated (its motion grows without limit); "
+            "check its time step, and the units of the commands"
+        )
+
+
 def _named(say: Report, name: str) -> Report:
     """`say` with the name of a part before each text."""
     return lambda text: say(f"{name}, {text}")
@@ -77,11 +86,7 @@ def _rounds(
     sigma, simulations, starts = least, 0, 24 if place is None else 0
     for k in range(ROUNDS):
         task = Fit(rig, logs, sigma, place)
-        if task.residual(task.start) is None:
-            raise InputError(
-                f"{rig.robot.path}: over these logs the model cannot be simulated (its motion grows without limit); "
-                "check its time step, and the units of the commands"
-            )
+        check_course(task, task.start)
 
         def tell(iteration: int, loss: float, k: int = k) -> None:
             say(f"search {k + 1}, iteration {iteration}")

@@ -62,14 +62,14 @@ def _by_drive(result: RobotCalibration) -> list[list[Run]]:
     return out
 
 
-def figure(runs: Sequence[Run]) -> Figure:
-    """The runs side by side: readings above, errors below."""
+def figure(runs: Sequence[Run], names: tuple[str, str] = ("before", "after"), state: str = "") -> Figure:
+    """The runs side by side: readings above, errors below; `names` of both models, and of the `state` of all logs."""
     above, below = [], []
     for run in runs:
         quantity = display_quantity("position", run.unit)
-        t, models = np.arange(len(run.y)) * run.Ts, {"before": run.before, "after": run.after}
+        t, models = np.arange(len(run.y)) * run.Ts, dict(zip(names, (run.before, run.after), strict=True))
         colours = (style.SECOND, style.MODEL)
-        title = f"{run.log}, {HELD if run.held_out else USED}"
+        title = f"{run.log}, {state or (HELD if run.held_out else USED)}"
         panel = over_panel(t, run.y, models, quantity, title, (), colours, "log")
         log, *others = panel.lines()  # a good run lies on the log: a thin line on a wide one, so that both are seen
         above.append(replace(panel, items=[replace(log, width=WIDE), *(replace(line, width=1.0) for line in others)]))
