@@ -5,8 +5,8 @@
 Models of one and two actuators (servos and motors), logs of 6 s at 10 ms with noise of 1 mrad, made by MuJoCo alone
 (tests/robots.py). Off is one kind at one drawn drive, nothing, or something that no model here has: a spring, a cubic
 spring, cogging, friction at one place, a weight at the end. Draws whose departure without noise is below 0.1 degrees
-RMS at every joint are drawn again. "right": the kind alone is named; "one of several": named with others, or among those
-that act alike.
+RMS at every joint are drawn again. "right": the kind alone is named; "one of several": named with others, or among
+those that act alike.
 """
 
 import sys
@@ -160,8 +160,8 @@ def verdict(off, result):
 
 def line(row):
     """A case as it ends."""
-    named = ",".join(row["named"]) or MISSING
-    return f"{row['case']} {row['verdict']} ({named}; like {','.join(row['alike'])}) {row['departure']:.2f} deg, {row['cpu']:.0f} s"
+    named, alike = (",".join(row[name]) or MISSING for name in ("named", "alike"))
+    return f"{row['case']} {row['verdict']} ({named}; like {alike}) {row['departure']:.2f} deg, {row['cpu']:.0f} s"
 
 
 def summary(rows, options):

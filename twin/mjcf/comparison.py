@@ -5,7 +5,7 @@ left is more than noise. Shares refer to what noise does not explain.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from sysid.base.parallel import one_blas_thread
 from sysid.diagnosis.residuals import residual_tests
 from twin.calibrate.problem import noise_of
 from twin.calibrate.search import find_optimum
-from twin.compare.departure import Regime, by_regime, regimes
 from twin.compare.verdict import CHANCE, MOST
 from twin.follow import VISIBLE as VISIBLE_ANGLE
 from twin.mjcf.calibration import LACKING, Run
@@ -79,7 +78,6 @@ class Departure:
     left: float
     share: float
     white: bool
-    regimes: tuple[Regime, ...] = field(repr=False)
 
     @property
     def explained(self) -> bool:
@@ -359,21 +357,7 @@ def _departures(log: RobotLog, runs: Sequence[Run], noise: np.ndarray) -> tuple[
     white = _explains(log, np.column_stack([run.after for run in runs]), noise)
     out = []
     for run, sigma, share, is_white in zip(runs, noise.tolist(), squares / squares.sum(), white, strict=True):
-        seen = np.isfinite(run.y)
-        y = np.interp(np.arange(len(seen)), np.flatnonzero(seen), run.y[seen])
-        parts = {name: mask & seen for name, mask in regimes(y, run.Ts).items()}
         beyond, left = (np.sqrt(max(run.rms(name) ** 2 - sigma**2, 0.0)) for name in ("before", "after"))
-        out.append(
-            Departure(
-                run.drive,
-                run.unit,
-                run.rms("before"),
-                sigma,
-                float(beyond),
-                float(left),
-                float(share),
-                is_white,
-                by_regime(np.where(seen, run.y - run.before, 0.0), parts),
-            )
-        )
+        sizes = run.rms("before"), sigma, float(beyond), float(left)
+        out.append(Departure(run.drive, run.unit, *sizes, float(share), is_white))
     return tuple(out)

@@ -16,7 +16,8 @@ from twin.report.mjcf import figure
 
 _METHOD = (
     "Each kind of parameter is moved alone, at all drives, until the model fits the log best; the share is what "
-    "vanishes of the departure beyond noise. The start of the log (first reading, speed, command before) is free throughout."
+    "vanishes of the departure beyond noise. The start of the log (first reading, speed, command before) is free "
+    "throughout."
 )
 
 
@@ -50,8 +51,8 @@ def sentences(result: RobotComparison) -> list[str]:
     """The verdict in one sentence, then what stands behind it."""
     worst = max(result.departures, key=lambda each: each.share)
     texts = [_verdict(result, worst)]
-    if result.chain:
-        texts.append(_where(worst))
+    if len(result.departures) > 1 and not result.nothing:
+        texts.append(f"{worst.drive} has {share_text(worst.share)} of the squared departure.")
     for k, cause in enumerate(result.chain if result.known else ()):
         texts += _alike(result, cause, k)
     if not result.known:
@@ -79,14 +80,6 @@ def _verdict(result: RobotComparison, worst: Departure) -> str:
     return (
         f"{capital(_words(causes.kinds))} {verb} {share_text(causes.share)} of the departure of {size} RMS "
         f"({worst.drive}), and what is left is noise or below {_visible(worst.unit)}: {moved}."
-    )
-
-
-def _where(worst: Departure) -> str:
-    regime = max(worst.regimes, key=lambda each: each.of_error)
-    return (
-        f"{worst.drive} has {share_text(worst.share)} of the squared departure, of which "
-        f"{100 * regime.of_error:.0f} % in the regime '{regime.name}', {100 * regime.share:.0f} % of the log."
     )
 
 
@@ -202,9 +195,8 @@ def bars(result: RobotComparison) -> Figure:
     """The share that each kind explains alone, best first."""
     causes = _telling(result) or list(result.alone[:1])
     shown = [cause.kinds[0] in _shown(result) for cause in causes]
-    bar = Bars(
-        [100 * cause.share for cause in causes], "share", [style.MODEL if each else style.SECOND for each in shown]
-    )
+    colours = [style.MODEL if each else style.SECOND for each in shown]
+    bar = Bars([100 * cause.share for cause in causes], "share", colours, key=False)
     names = Axis(names=[cause.kinds[0] for cause in causes])
     panel = Panel([bar], names, Axis("departure that vanishes [%]", limits=(0.0, 102.0)), "moved alone")
     return Figure([panel], height=1.2 + 0.3 * len(causes))
