@@ -10,7 +10,8 @@ from sysid.drawing.figure import Axis, Bars, Figure, Panel
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.compare.verdict import WORTH
 from twin.mjcf.calibration import LACKING
-from twin.mjcf.comparison import ODDS, SUM, VISIBLE, Cause, Departure, RobotComparison
+from twin.mjcf.comparison import SUM, Cause, Departure, RobotComparison
+from twin.mjcf.kinds import ODDS, VISIBLE
 from twin.report.compare_words import share_text
 from twin.report.mjcf import figure
 
