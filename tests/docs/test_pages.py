@@ -39,6 +39,7 @@ NOT_RUN = {
     ("calibrate.md", 1): "minutes, and logs of three days; tests/recovery/test_calibrate_runs.py",
     ("calibrate.md", 2): "the reader's own robot; tests/recovery/test_mjcf.py",
     ("compare.md", 0): "a minute, and logs of a rig; tests/cli/test_compare.py",
+    ("compare.md", 1): "the reader's own robot; tests/recovery/test_mjcf_compare.py",
     ("index.md", 0): "the commands of the tutorial",
     ("joint.md", 0): "an experiment of ten minutes is identified; tests/cli/test_design.py on a short one",
     ("joint.md", 1): "another input, and the record of the experiment; tests/recovery/test_design_for_use.py",

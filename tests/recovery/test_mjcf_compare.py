@@ -80,6 +80,7 @@ def test_of_damping_and_kv_the_sum_alone_acts(tmp_path):
     result = compared(record({"servo.damping": 0.3}), tmp_path)
     kinds = {result.named[0], *result.chain[0].alike}
     assert kinds == {"damping", "kv"}
+    assert report.sentences(result)[0].startswith(("Damping, or kv in place of damping,", "Kv, or damping in place"))
     assert any("no log tells them apart" in text for text in report.sentences(result))
 
 

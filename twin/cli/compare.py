@@ -1,5 +1,6 @@
 """`qpal compare`: a log beside the twin, a saved model, a second log or a user's MJCF."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -131,7 +132,7 @@ def _with_robot(
 
     rig = robot.read(model, options.names(actuator))
     log = logs.read(file, rig, input, output, map)
-    log = log.part(rows=slice(max(round(seconds / log.Ts), LEAST)))
+    log = replace(log.part(rows=slice(max(round(seconds / log.Ts), LEAST))), units=log.units)
     with run_folder(out, "compare") as (folder, scratch), console.progress(12, lines=not as_json) as step:
         result = run(rig, log, progress=step)
         step("drawing")

@@ -78,8 +78,9 @@ def _verdict(result: RobotComparison, worst: Departure) -> str:
     causes = result.chain[-1]
     moved = "; ".join(_change(each.name, each.unit, each.before, each.value) for each in causes.changes)
     verb = "explains" if len(causes.kinds) == 1 else "explain"
+    rivals = f", or {' or '.join(causes.alike)} in place of {causes.kinds[-1]}," if causes.alike else ""
     return (
-        f"{capital(_words(causes.kinds))} {verb} {share_text(causes.share)} of the departure of {size} RMS "
+        f"{capital(_words(causes.kinds))}{rivals} {verb} {share_text(causes.share)} of the departure of {size} RMS "
         f"({worst.drive}), and what is left is noise or below {_visible(worst.unit)}: {moved}."
     )
 
