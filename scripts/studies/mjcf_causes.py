@@ -56,7 +56,7 @@ def draw(model, off, rng):
     k, factor = int(rng.integers(n)), float(np.exp(rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.2)))
     name, play, keep, force = names[k], np.zeros(n), lambda spec: spec, None
     spec = robots.mujoco.MjSpec.from_string(text)
-    joint, actuator = spec.joint(spec.actuator(name).target), spec.actuator(name)
+    joint = spec.joint(spec.actuator(name).target)
     if off in ("armature", "frictionloss"):
         truth[f"{name}.{off}"] = factor * float(getattr(joint, off))
     elif off == "damping":
@@ -78,11 +78,13 @@ def draw(model, off, rng):
             return spec
 
     elif off in FOREIGN:
-        keep, force = foreign(off, name, k, n, float(rng.uniform(0.5, 2.0)), model, actuator)
+        if (model, off) == ("cart", "weight"):
+            k, name = 1, names[1]  # a weight on a cart is the cart's armature
+        keep, force = foreign(off, name, k, n, float(rng.uniform(0.5, 2.0)), model)
     return truth, keep, force, play
 
 
-def foreign(off, name, k, n, size, model, actuator):
+def foreign(off, name, k, n, size, model):
     """Something that no parameter of the model is: a change of the spec, and a force of positions and speeds."""
     strength = size * (1.0 if model == "cart" and k == 0 else 0.3)  # [N or N m]
     only = np.eye(n)[k]
