@@ -25,6 +25,7 @@ from twin.mjcf.search import QUIETEST
 from twin.mjcf.simulation import Rig
 
 LAGS = 25
+BEGINNINGS = 3  # kinds from which a chain begins
 SUM = {"damping", "kv"}  # of which the sum alone acts on a joint
 
 
@@ -149,7 +150,7 @@ def compare(
             alone.append(searches.best((kind,), base))
         alone.sort(key=searches.score)
         noise = np.minimum(noise_beside(log, base.y), noise_beside(log, alone[0].y))
-        chain = _chain(searches, base, alone, noise, say)
+        chain = _first_that_explains(searches, base, alone, noise, say)
         chain = _without_superfluous(searches, base, chain)
     last = chain[-1][0] if chain else base
     least = min(float(np.mean((noise / searches.sigma) ** 2)), last.cost, *(each.cost for each in alone))
@@ -179,16 +180,40 @@ def compare(
     )
 
 
-def _chain(
+def _first_that_explains(
     searches: Searches, base: Place, alone: list[Place], noise: np.ndarray, say: Callable[[str], None]
 ) -> list[tuple[Place, tuple[str, ...]]]:
-    """The best cause, then the best ones beside it, each with those that are alike."""
+    """The chain from the best kind; where it does not explain the log, one from the next best that does.
+
+    A kind may stand for two others, and bar the way to them: a lower gain for more damping and inertia.
+    """
+    first = _chain(searches, base, alone, noise, say)
+    if not first or all(_explains(searches.log, first[-1][0].y, noise)):
+        return first
+    starts = [k for k, place in enumerate(alone) if place.kinds[0] not in SUM]
+    starts += [k for k, place in enumerate(alone) if place.kinds[0] in SUM][:1]  # the better of the two
+    for k in sorted(starts)[1:BEGINNINGS]:
+        chain = _chain(searches, base, alone[k:], noise, say, 2)
+        if chain and all(_explains(searches.log, chain[-1][0].y, noise)):
+            return chain
+    return first
+
+
+def _chain(
+    searches: Searches,
+    base: Place,
+    alone: list[Place],
+    noise: np.ndarray,
+    say: Callable[[str], None],
+    most: int = MOST,
+) -> list[tuple[Place, tuple[str, ...]]]:
+    """The best cause, then the best ones beside it, each with those that are alike; at most `most`."""
     chain, places = list[tuple[Place, tuple[str, ...]]](), alone
     last = base
     while searches.better(last, places[0], len(places)):
         last = places[0]
         chain.append((last, searches.alike(places)))
-        if len(chain) == MOST or all(_explains(searches.log, last.y, noise)):
+        if len(chain) == most or all(_explains(searches.log, last.y, noise)):
             break
         say(f"beside {' and '.join(last.kinds)}")
         others = [kind for kind in kinds_of(searches.robot) if kind not in last.kinds]
