@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.rates import same_rate
 from sysid.bench.task import Task
 from sysid.data.record import IOData
 
@@ -159,7 +160,7 @@ def _check_single(place: object, inputs: int, outputs: int) -> None:
 
 def _one_rate(place: object, train: IOData, tests: Mapping[str, IOData]) -> None:
     for name, test in tests.items():
-        if not np.isclose(test.Ts, train.Ts, rtol=1e-6):
+        if not same_rate(test.Ts, train.Ts):
             raise InputError(
                 f"{place}: test {name} is sampled every {test.Ts} s and the estimation record every {train.Ts} s; "
                 "resample one of them (sysid.data.resampling.resample)"

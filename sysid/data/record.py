@@ -9,6 +9,7 @@ import numpy as np
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
+from sysid.base.rates import same_rate
 from sysid.data import frames
 
 if TYPE_CHECKING:
@@ -75,12 +76,15 @@ class IOData(Shown):
     @classmethod
     @checked
     def merge(cls, *records: "IOData") -> "IOData":
-        """One record of several experiments with the same channels and rate; each keeps its own initial state."""
+        """One record of several experiments with the same channels and rate; each keeps its own initial state.
+
+        Sampling times up to 300 ppm apart are one rate; that of the first is kept (`sysid.base.rates`).
+        """
         if not records:
             raise InputError("nothing to merge; give at least one record")
         first = records[0]
         for k, r in enumerate(records[1:], 2):
-            if (r.u.shape[1], r.y.shape[1]) != (first.u.shape[1], first.y.shape[1]) or r.Ts != first.Ts:
+            if (r.u.shape[1], r.y.shape[1]) != (first.u.shape[1], first.y.shape[1]) or not same_rate(r.Ts, first.Ts):
                 raise InputError(
                     f"record {k} has {r.u.shape[1]} inputs, {r.y.shape[1]} outputs and Ts {r.Ts} s, "
                     f"the first {first.u.shape[1]}, {first.y.shape[1]} and {first.Ts} s; "

@@ -7,10 +7,12 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from sysid.base.rates import drift_note, same_rate
 from sysid.data.record import IOData
 
 INPUTS = ("filtered", "held")
-MOST = 1000  # of the two whole numbers of a ratio
+MOST = 1000  # of the two whole numbers of a ratio, and of the ratio itself
+FINE = 16  # straight lines between so many points a sample are 0.5 % off at the highest frequency
 
 
 @dataclass(frozen=True)
@@ -25,9 +27,10 @@ class Resampled:
 
 @checked(deferred=("Ts", "input"))
 def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
-    """The record sampled every Ts [s]; Ts / data.Ts must be a ratio of whole numbers up to 1000.
+    """The record sampled every Ts [s], up to 1000 times slower or faster; a Ts of the same rate only renames it.
 
-    y goes through scipy.signal.resample_poly's zero-phase anti-alias filter. The input option 'filtered' applies the
+    y goes through scipy.signal.resample_poly's zero-phase anti-alias filter; where the ratio
+    is not one of whole numbers up to 1000, straight lines follow behind it. The input option 'filtered' applies the
     same filter to u. It preserves a linear model between them but smooths the levels of a held input: use it for a
     linear fit. 'held' gives each new sample the mean of u over its time. It is exact for a zero-order hold and keeps
     the levels that a static input map needs; the filter (cutoff at half the new rate) then acts on y alone. At a
@@ -37,39 +40,60 @@ def resample(data: IOData, Ts: float, input: str = "filtered") -> Resampled:
         raise unknown("input", input, INPUTS)
     if not (np.isfinite(Ts) and Ts > 0):
         raise InputError(f"Ts is {Ts}; give the new sampling time as a positive number of seconds")
-    rate_ratio = data.Ts / Ts
-    ratio = Fraction(rate_ratio if rate_ratio < 2 * MOST else 0).limit_denominator(MOST)
-    if ratio == 0 or abs(float(ratio) * Ts / data.Ts - 1.0) > 1e-9 or ratio.numerator > MOST:
-        raise InputError(
-            f"Ts goes from {data.Ts} to {Ts} s, not a ratio of whole numbers up to {MOST}; choose a Ts near it that is"
-        )
+    if not 1.0 / MOST <= data.Ts / Ts <= MOST:
+        raise InputError(f"Ts goes from {data.Ts} to {Ts} s; choose a Ts within a factor of {MOST}")
+    if same_rate(data.Ts, Ts):
+        same = replace(data, Ts=float(Ts))
+        return Resampled(same, 1, 1, drift_note(data.Ts, Ts, data.N, "that asked for") or f"the record has Ts {Ts:g} s")
+    ratio = Fraction(data.Ts / Ts).limit_denominator(MOST)
     up, down = ratio.numerator, ratio.denominator
-    parts = [_experiment(e, up, down, input) for e in data.experiments]
+    exact = up <= MOST and abs(up / down * Ts / data.Ts - 1.0) <= 1e-9
+    step = down / up if exact else Ts / data.Ts
+    parts = [_experiment(e, step, (up, down) if exact else None, input) for e in data.experiments]
     u, y, missing = (np.concatenate([p[i] for p in parts]) for i in range(3))
     fresh = replace(data, u=u, y=y, missing=missing, Ts=float(Ts), lengths=tuple(len(p[0]) for p in parts))
-    way = "u held" if input == "held" or down <= up else "u with the same filter"
+    way = "u held" if input == "held" or step <= 1 else "u with the same filter"
+    how = f"({up} for {down} samples)" if exact else "(no ratio of whole numbers: straight lines behind the filter)"
     sentence = (
-        f"resampled from {data.Ts:g} to {Ts:g} s ({up} for {down} samples) with a zero-phase anti-alias filter, {way}; "
+        f"resampled from {data.Ts:g} to {Ts:g} s {how} with a zero-phase anti-alias filter, {way}; "
         f"{data.N} samples became {fresh.N}"
     )
     return Resampled(fresh, up, down, sentence)
 
 
-def _experiment(e: IOData, up: int, down: int, input: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    n = -(-e.N * up // down)
+def _experiment(
+    e: IOData, step: float, ratio: tuple[int, int] | None, input: str
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """u, y and the marks of missing outputs of one experiment, `step` old samples for each new one."""
+    n = int(np.ceil(e.N / step * (1.0 - 1e-12)))
     if n < 2:
         raise InputError(f"{e.N} samples become {n} at the new rate; give a shorter Ts")
-    y = _poly(e.y, up, down)
-    u = _mean_inputs(e.u, up, down, n) if input == "held" or down <= up else _poly(e.u, up, down)
+
+    def filtered(x: np.ndarray) -> np.ndarray:
+        return _poly(x, *ratio) if ratio else _between(x, step, n)
+
+    y = filtered(e.y)
+    u = _mean_inputs(e.u, step, n) if input == "held" or step <= 1 else filtered(e.u)
     is_missing = np.zeros(y.shape, dtype=bool)
     if e.missing is not None:
         # The filter's main lobe spans about one sample of the lower rate to either side.
-        reach = max(1.0, down / up)
+        reach = max(1.0, step)
         for k in range(n):
-            centre = k * down / up
+            centre = k * step
             lo, hi = max(0, int(np.ceil(centre - reach))), int(np.floor(centre + reach)) + 1
             is_missing[k] = e.missing[lo:hi].any(axis=0)
     return u, y, is_missing
+
+
+def _between(x: np.ndarray, step: float, n: int) -> np.ndarray:
+    """x (N, c) every `step` samples, n times: filtered on a grid FINE times as dense, then straight lines."""
+    from scipy.signal import firwin, resample_poly
+
+    lowest = max(1.0, step) * FINE
+    window = firwin(2 * int(10 * lowest) + 1, 1.0 / lowest, window=("kaiser", 5.0))  # as resample_poly's own
+    dense = np.asarray(resample_poly(x, FINE, 1, axis=0, window=window, padtype="line"))
+    places = np.minimum(np.arange(n) * step, len(x) - 1)  # the last new sample may lie behind the last old one
+    return np.column_stack([np.interp(places * FINE, np.arange(len(dense)), column) for column in dense.T])
 
 
 def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
@@ -79,10 +103,10 @@ def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
     return np.asarray(resample_poly(x, up, down, axis=0, padtype="line"))
 
 
-def _mean_inputs(u: np.ndarray, up: int, down: int, n: int) -> np.ndarray:
+def _mean_inputs(u: np.ndarray, step: float, n: int) -> np.ndarray:
     """Mean of the held u over each new sample's time (n, nu): the integral of u is the same at both rates."""
     integral = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u, axis=0)])
-    edges = np.minimum(np.arange(n + 1) * (down / up), len(u))
+    edges = np.minimum(np.arange(n + 1) * step, len(u))
     areas = np.column_stack([np.interp(edges, np.arange(len(u) + 1), column) for column in integral.T])
     widths = np.diff(edges)
     return np.diff(areas, axis=0) / widths[:, None]

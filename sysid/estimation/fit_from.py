@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.rates import same_rate
 from sysid.block.block import StaticBlock
 from sysid.data.record import IOData, siso
 from sysid.diagnosis.bla import Parametric
@@ -50,7 +51,7 @@ def starting_thetas(fit: Fit, model: Chain, data: IOData) -> tuple[Chain, np.nda
     """The chain on the scale of the record, and its starting points theta (2, P): maps that bend, and straight ones."""
     if model.channels != (1, 1) or fit.model.channels != (1, 1):
         raise InputError("a fit of several inputs or outputs cannot start another model; use sysid.fit")
-    if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
+    if not same_rate(data.Ts, fit.Ts):
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; resample it first")
     chain = model.scaled(data.u, data.y)
     thetas = with_initial_states(fit.model, fit.theta, data)

@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
+from sysid.base.rates import same_rate
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -64,7 +65,7 @@ def check_units(data: IOData, origin: Origin | None) -> None:
 
 def check_same_kind(data: IOData, Ts: float, origin: Origin | None) -> None:
     """Raises InputError for a record of another sampling time [s] or other units than a model's."""
-    if abs(data.Ts - Ts) > 1e-6 * Ts:
+    if not same_rate(data.Ts, Ts):
         raise InputError(f"the record is sampled every {data.Ts} s and the model every {Ts} s; resample it first")
     check_units(data, origin)
 

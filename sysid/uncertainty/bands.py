@@ -12,6 +12,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.base.rates import same_rate
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.estimation.free_run import resting_theta
@@ -141,7 +142,7 @@ def _sensitivity(
         u, _ = siso(record)
         if len(record.experiments) > 1:
             raise InputError(f"the record has {len(record.experiments)} experiments; give one of record.experiments")
-        if abs(record.Ts - info.Ts) > 1e-6 * info.Ts:
+        if not same_rate(record.Ts, info.Ts):
             raise InputError(f"the record is sampled every {record.Ts} s and the fit every {info.Ts} s; resample it")
         n = min(info.n_init if n_init is None else n_init, record.N)
         theta = estimate_initial(chain, info.theta, record.select(0, n))

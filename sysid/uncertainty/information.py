@@ -17,6 +17,7 @@ from scipy.special import stdtrit
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.base.rates import same_rate
 from sysid.blocks._shape import is_named
 from sysid.data.record import IOData, siso
 from sysid.estimation.finer_maps import held_scales, slope_changes
@@ -133,7 +134,7 @@ def information(fit: "Fit", data: IOData, lags: int | str | None = TESTED) -> In
     'tested' is 'auto' if `fit.residual_tests` rejects whiteness, because the plain intervals are then too narrow, and
     None otherwise. Merged experiments count together.
     """
-    if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
+    if not same_rate(data.Ts, fit.Ts):
         raise InputError(f"the record is sampled every {data.Ts} s and the fit every {fit.Ts} s; give the fit's record")
     if lags == TESTED:
         lags = "auto" if _coloured(fit, data) else None

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.rates import drift_note, same_rate
 from sysid.data.preparation import Preparation
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.data.trends import CONSTANT, Trend
 from sysid.workflow.record import Record
-
-SAME = 1e-4  # of a sampling time, by which two clocks of one rate may differ
 
 
 @dataclass(frozen=True)
@@ -69,13 +68,16 @@ def merge_records(records: Sequence[Record], absolute: bool = False) -> Record:
         return first
     for other in further_records:
         _check_alike(first, other)
-    data = IOData.merge(*(replace(record.data, Ts=first.data.Ts) for record in records))
+    data = IOData.merge(*(record.data for record in records))
     files = tuple(record.path for record in records)
     sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
     summary = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
     levels = _levels(records, ("y",) if absolute else ("u", "y"))
     further_notes = (
-        f"{record.path.name}: {note}" for record in further_records for note in record.notes if note not in first.notes
+        f"{record.path.name}: {note}"
+        for record in further_records
+        for note in (*record.notes, drift_note(record.data.Ts, data.Ts, record.data.N, f"that of {first.path.name}"))
+        if note and note not in first.notes
     )
     return replace(first, data=data, files=files, remarks=(*first.remarks, summary, *levels, *further_notes))
 
@@ -132,7 +134,7 @@ def _check_alike(first: Record, other: Record) -> None:
                     "unit with "
                     "--map"
                 )
-    if abs(a.Ts - b.Ts) > SAME * a.Ts:
+    if not same_rate(a.Ts, b.Ts):
         raise InputError(
             f"{other.path} is sampled every {b.Ts:g} s and {first.path} every {a.Ts:g} s; bring both to one sampling "
             f"time with --resample {max(a.Ts, b.Ts):g}"

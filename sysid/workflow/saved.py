@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.quantities import display_quantity, percent
+from sysid.base.rates import drift_note, same_rate
 from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
@@ -196,7 +197,10 @@ def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tup
     data, notes = record.data, list(record.notes)
     _check_channels(fit, record)
     _check_units(fit, record)
-    if abs(data.Ts - fit.Ts) > 1e-6 * fit.Ts:
+    if same_rate(data.Ts, fit.Ts):
+        note = drift_note(data.Ts, fit.Ts, data.N)
+        data, notes = replace(data, Ts=fit.Ts), [*notes, *([note] if note else [])]
+    else:
         if not reading.resampled:
             raise InputError(
                 f"{record.path}: the record is sampled every {data.Ts:g} s and the model every {fit.Ts:g} s; add "

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.rates import same_rate
 from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
 from sysid.blocks.servo_motor import LOOPS
@@ -132,7 +133,7 @@ class Held:
 
     def _check_rate(self, data: IOData) -> None:
         assert self.start is not None
-        if abs(self.start.Ts - data.Ts) > 1e-6 * data.Ts:
+        if not same_rate(self.start.Ts, data.Ts):
             raise InputError(
                 f"--from {self.path} is a model sampled every {self.start.Ts:g} s and the record every {data.Ts:g} s; "
                 f"give --resample {self.start.Ts:g}"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.rates import same_rate
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.joint.values import JointValue, joint_values
@@ -57,7 +58,7 @@ def from_joint(
         return Start(base)
     data = [log.io(joint if log.joint else None) for log in logs]
     longest = max(data, key=lambda run: len(run.y))
-    same = all(run.Ts == longest.Ts for run in data)
+    same = all(same_rate(run.Ts, longest.Ts) for run in data)
     record = IOData.merge(*data) if same and len(data) > 1 else longest
     fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed, options=options)
     values = joint_values(fit)

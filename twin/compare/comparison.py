@@ -10,6 +10,7 @@ from sysid.base.checks import checked
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError, unknown
 from sysid.base.files import json_value, versions
+from sysid.base.rates import same_rate
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
@@ -193,7 +194,7 @@ def compare_model(log: Log, joint: str, fit: Fit | NlarxFit, label: str, tell: T
     """
     data = log.io(joint if log.joint else None)
     check_length(data.N)
-    if abs(fit.Ts - log.Ts) > 1e-9 * log.Ts:
+    if not same_rate(fit.Ts, log.Ts):
         raise InputError(
             f"{label} is a model for a sampling time of {fit.Ts:g} s and the log has {log.Ts:g} s; resample the log, "
             "or identify a model from it: qpal identify"

@@ -9,6 +9,7 @@ from scipy.stats import f as fisher
 from scipy.stats import norm
 
 from sysid.base.errors import InputError
+from sysid.base.rates import same_rate
 from sysid.data.outliers import hampel, returning
 from sysid.data.record import IOData
 from sysid.diagnosis import bla
@@ -247,7 +248,7 @@ class Repeat:
 
 def repeat(first: IOData, second: IOData, label: str) -> Repeat:
     """The difference of two logs over the samples that both have; raises InputError if their inputs differ."""
-    if abs(first.Ts - second.Ts) > 1e-9 * first.Ts:
+    if not same_rate(first.Ts, second.Ts):
         raise InputError(f"the logs have sampling times of {first.Ts:g} and {second.Ts:g} s; resample one of them")
     n = min(first.N, second.N)
     u, u_second = first.u[:n, 0], second.u[:n, 0]
