@@ -177,6 +177,11 @@ def _map_of_log(table: Table, meta: Mapping[str, Any]) -> ChannelMap | None:
 
 def _log(signals: Signals, meta: dict[str, Any], table: Table) -> Log:
     """The log of signals that have the units of the twin."""
+    if len(signals.lengths) > 1:
+        raise InputError(
+            f"{signals.path}: the file holds {len(signals.lengths)} experiments and this takes one; set part = 1 to "
+            f"{len(signals.lengths)} under [range] of a mapping, which keeps one of them"
+        )
     u_unit, mode = _check_channels(signals)
     joint = str(meta.get("joint", LEG if len(signals.output) == len(JOINTS) else ""))
     names = column_names(joint, mode, u_unit)

@@ -27,6 +27,7 @@ from sysid.channels.column import (
     unit_in_brackets,
 )
 from sysid.channels.conversion import COUNTS, convert, seconds
+from sysid.channels.experiments import column_of_experiments
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, list_names
 from sysid.channels.roles import (
     STRONG,
@@ -107,6 +108,11 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     clock = choice.clock or Clock()
     times = (clock.column, choice.unused, *choice.same)
     signals = {name: column for name, column in columns.items() if name not in times and not column.dated}
+    experiments = column_of_experiments(signals)
+    if experiments is not None and experiments.name not in (given.input, given.output):
+        signals.pop(experiments.name)
+    else:
+        experiments = None
     roles = _guess_signals(table, columns, signals, given, why, unclear)
     channels: dict[str, list[Channel]] = {}
     for role, first in roles.items():
@@ -121,8 +127,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
-    if switch is not None:
-        mapping = mapping.model_copy(update={"range": Range(drive=switch.name)})
+    part = Range(drive=switch.name if switch else "", experiment=experiments.name if experiments else "")
+    mapping = mapping.model_copy(update={"range": part})
+    why += [f"column {part.experiment!r} numbers experiments: its name says so"] if part.experiment else []
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

@@ -279,6 +279,10 @@ class Range(_Part):
     drive: Text = Field(
         default="", description="column that is 0 while the drive is off: each stretch that it is on is an experiment"
     )
+    experiment: Text = Field(default="", description="column that numbers experiments: each number is one of its own")
+    part: Annotated[Whole, Field(ge=1)] | None = Field(
+        default=None, description="number of the experiment to keep, from 1; left out: all of them"
+    )
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Self:
@@ -314,6 +318,7 @@ class ChannelMap(_Part):
         """Every column that is read, and the entry of the file that names it."""
         entries = {self.clock.column: "clock.column"}
         entries |= {self.range.active: "range.active", self.range.drive: "range.drive"}
+        entries |= {self.range.experiment: "range.experiment"}
         for _, channel, entry in self.channels():
             entries.setdefault(channel.column, f"{entry}.column")
             entries.setdefault(channel.times, f"{entry}.times")

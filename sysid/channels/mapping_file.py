@@ -15,7 +15,13 @@ from sysid.base.files import check_regular_file, write_text
 from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
-EXAMPLES = {"Ts": "0.01", "start": "0.0", "stop": "10.0", "adc": "{counts = [0, 1023], value = [-2.4, 2.4]}"}
+EXAMPLES = {
+    "Ts": "0.01",
+    "start": "0.0",
+    "stop": "10.0",
+    "part": "1",
+    "adc": "{counts = [0, 1023], value = [-2.4, 2.4]}",
+}
 WIDTH = 36  # of an entry before its comment
 FORMULA = "# value = sign * (scale * number + offset), in `unit`; then it becomes SI (deg to rad, mV to V)"
 

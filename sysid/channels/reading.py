@@ -2,7 +2,8 @@
 
 The stages of `sample`: bind the mapping to the columns of the table; keep the rows of its range; read the channels in
 SI; drop rows without values at both ends; time the rows by stamps and a grid; place every channel on the grid; tell
-what was corrected; change the sampling time. A table that holds several experiments would be split behind the range.
+what was corrected; change the sampling time. A table that holds several experiments is split before the range, which
+counts in each.
 """
 
 import os
@@ -15,6 +16,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
 from sysid.channels.column import numbers
+from sysid.channels.experiments import SHORTEST, alone, cut, join, pieces_of
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
@@ -56,7 +58,8 @@ def complete(table: Table, mapping: ChannelMap) -> tuple[ChannelMap, tuple[str, 
         return mapping, ()
     result = guess(table, Given(drive=part.drive if "drive" in part.model_fields_set else None))
     columns = result.sure(table)
-    part = part.model_copy(update={"drive": part.drive or columns.range.drive})
+    own = columns.range
+    part = part.model_copy(update={"drive": part.drive or own.drive, "experiment": part.experiment or own.experiment})
     return columns.model_copy(update={"range": part, "repair": mapping.repair}), result.why
 
 
@@ -73,7 +76,8 @@ def from_table(
     result = guess(table, given)
     repair = Repair(empty=empty) if given.time is None else Repair(longest_gap=0, empty=empty)
     mapping = result.sure(table)
-    range = range.model_copy(update={"drive": range.drive or mapping.range.drive})
+    own = mapping.range
+    range = range.model_copy(update={"drive": range.drive or own.drive, "experiment": own.experiment})
     mapping = mapping.model_copy(update={"range": range, "repair": repair})
     record = sample(table, mapping, result.why)
     if given.Ts is not None and given.time is not None and abs(given.Ts - record.Ts) > repair.jitter * record.Ts:
@@ -110,6 +114,10 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
     notes = (*notes, *unit_notes, *([dates] if dates else []))
+    pieces = pieces_of(table, mapping)
+    if len(pieces) > 1 or mapping.range.part is not None:
+        return _sample_pieces(table, mapping, pieces, notes)
+    mapping = alone(mapping)
     if mapping.range != Range(drive=mapping.range.drive):
         table, note = _keep_range(table, mapping)
         notes = (*notes, note)
@@ -146,6 +154,23 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     notes = (*notes, *name_notes, *table.notes, *words)
     record = resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
     return replace(record, notes=(*record.notes, *record.drive_notes()))
+
+
+def _sample_pieces(table: Table, mapping: ChannelMap, pieces: list[tuple[int, int]], notes: tuple[str, ...]) -> Signals:
+    """The record of the rows (start, stop) of each experiment, one by one; those of a few rows are left out."""
+    column = next(iter(mapping.columns()))
+    j = table.names.index(column)
+    rows, n = table.rows[j], len(table.columns[j])
+    kept = [(start, stop) for start, stop in pieces if stop - start >= SHORTEST] or pieces
+    spans = [f"{table.place}s {rows[start]} to {rows[stop - 1]}" for start, stop in kept]
+    parts = []
+    for start, stop in kept:
+        parts.append(sample(cut(table, start, stop, n), alone(mapping)))
+    left_out = sum(stop - start for start, stop in pieces) - sum(stop - start for start, stop in kept)
+    if len(parts) == 1:
+        return replace(parts[0], notes=(*notes, f"used {spans[0]}, one experiment of the file", *parts[0].notes))
+    record = join(parts, mapping, spans, left_out)
+    return replace(record, notes=(*notes, *(note for note in record.notes if note not in notes)))
 
 
 def _keep_range(table: Table, mapping: ChannelMap) -> tuple[Table, str]:

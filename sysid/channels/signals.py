@@ -49,7 +49,8 @@ class Sampling:
 class Signals:
     """A record of N samples every Ts [s] by role, read from the file at `path` as `mapping` says.
 
-    `notes` are sentences about what was assumed and repaired, `counts` the numbers of repairs by kind.
+    `notes` are sentences about what was assumed and repaired, `counts` the numbers of repairs by kind. `lengths` are
+    the samples of each experiment of a file that holds several.
     """
 
     path: Path
@@ -61,6 +62,7 @@ class Signals:
     notes: tuple[str, ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     sampling: Sampling = Sampling()
+    lengths: tuple[int, ...] = ()
 
     @property
     def N(self) -> int:
@@ -107,6 +109,7 @@ class Signals:
             *(common_text([s.name for s in u]) or "u", common_text([s.name for s in y]) or "y"),
             *(common_text([s.unit for s in u]), common_text([s.unit for s in y])),
             missing=missing if missing.any() else None,
+            lengths=self.lengths,
         )
         if not self.mapping.range.drive:
             return data
@@ -122,7 +125,10 @@ class Signals:
     def _driven(self) -> list[tuple[int, int]]:
         """Stretches (start, stop) of samples in which the drive is on."""
         switch = next(s for s in self.other if s.column == self.mapping.range.drive)
-        return runs(switch.values > 0.5 * switch.values.max())  # between samples and behind a filter neither 0 nor 1
+        on = switch.values > 0.5 * switch.values.max()  # between samples and behind a filter neither 0 nor 1
+        ends = np.cumsum(self.lengths or (self.N,)).tolist()
+        borders = zip([0, *ends[:-1]], ends, strict=True)
+        return [(a + start, a + stop) for a, b in borders for start, stop in runs(on[a:b])]
 
     @property
     def driven(self) -> list[tuple[int, int]]:

@@ -25,6 +25,9 @@ HOUR_TOLERANCE = 0.01  # of an hour and of a step: what is so near an hour off i
 MONTHS = (3, 4, 9, 10, 11)  # in which clocks are changed, north or south
 NIGHT = (-4.0, 5.0)  # [h] from the midnight between Saturday and Sunday
 SHORT = 20 * 60.0  # [s] below that an hour is a gap that is refused anyway, or a stamp that runs back
+SHORTEST = 10  # rows: a shorter stretch is a fault of single stamps
+GOES_ON = 3.0  # usual steps: what follows a restart steps by no more, where a single bad stamp jumps back
+AGAIN = 0.1  # of the rows of a stretch: how near its first stamp the clock starts again
 PLACES = 300  # between two stamps that are looked at
 IN_UTC = "write dates in UTC or with their offset"
 
@@ -65,6 +68,14 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
     values, wraps = unwrap_counter(table, clock, values, rows)
     backward = np.zeros(0, dtype=int)
     if repair.backward == "drop" and np.any(np.diff(values) < 0):
+        again = restarts(values)
+        if len(again):
+            raise table.error(
+                clock.column,
+                int(rows[again[0]]),
+                f"the clock starts again here ({len(again)} such place(s)), and rows before and behind are not of one "
+                'record: backward = "drop" would join them; leave it out',
+            )
         keep = longest_rising(values)
         backward = rows[~keep]
         rows, values = rows[keep], values[keep]
@@ -168,6 +179,23 @@ def usual_step(values: np.ndarray) -> float:
     """The middle step of values (n,) between those that rise, 0 if none does."""
     steps = np.diff(values)
     return float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
+
+
+def restarts(stamps: np.ndarray) -> np.ndarray:
+    """Places (m,) in stamps (n,) at which the clock starts again, near where it first began, and goes on from there."""
+    places = np.flatnonzero(np.isfinite(stamps))
+    values = stamps[places]
+    falls = np.flatnonzero(np.diff(values) < 0) + 1
+    if not len(falls) or len(values) < SHORTEST:
+        return np.zeros(0, dtype=int)
+    step, first, starts = usual_step(values), values[0], [0]
+    for k in falls.tolist():
+        following = np.diff(values[k : k + SHORTEST])
+        near = values[k] <= first + max(AGAIN * (k - starts[-1]), GOES_ON) * step
+        regular = len(following) == SHORTEST - 1 and following.min() >= 0 and following.max() <= GOES_ON * step
+        if near and regular and k - starts[-1] >= SHORTEST:
+            starts.append(k)
+    return places[np.array(starts[1:], dtype=int)]
 
 
 def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> None:

@@ -69,9 +69,9 @@ def merge_records(records: Sequence[Record], absolute: bool = False) -> Record:
     for other in further_records:
         _check_alike(first, other)
     data = IOData.merge(*(record.data for record in records))
-    files = tuple(record.path for record in records)
+    files = tuple(record.path for record in records for _ in record.data.lengths)
     sizes = " and ".join(f"{record.path.name} ({record.data.N} samples)" for record in records)
-    summary = f"{len(files)} files are {len(files)} experiments, each with its own initial state: {sizes}"
+    summary = f"{len(records)} files are {len(files)} experiments, each with its own initial state: {sizes}"
     levels = _levels(records, ("y",) if absolute else ("u", "y"))
     further_notes = (
         f"{record.path.name}: {note}"

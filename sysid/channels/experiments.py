@@ -1,0 +1,161 @@
+"""Several experiments in one table: a clock that starts again, and a column that numbers them.
+
+Rows of two experiments never meet in one record: the table is split before its stamps become a grid.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.base.rates import same_rate
+from sysid.channels.column import Column, numbers, soft_numbers, words
+from sysid.channels.mapping import ChannelMap, Clock, Range
+from sysid.channels.repair import keep_rows
+from sysid.channels.signals import Signals
+from sysid.channels.stamps import SHORTEST, restarts, usual_step
+from sysid.data.table import Table
+
+# Limits chosen by hand; the logs of tests/corpus and of tests/contracts/test_experiments.py hold them.
+PERIODS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 1e9, *(2.0**k for k in range(8, 33)))  # of counters that wrap
+NAMES = words("episode trial experiment rep repetition session segment versuch")
+UNSURE = words("run test cycle")  # with two values, these may be switches
+_NUMBER = words("index idx id nr no num number count")
+SHOWN = 6  # restarts in a sentence
+
+
+def may_be_counter(stamps: np.ndarray, starts: np.ndarray) -> float:
+    """The period of a counter that would start again as the stamps (n,) do, with its usual step; 0: none."""
+    step = usual_step(stamps[np.isfinite(stamps)])
+    tops = stamps[starts - 1] + step - stamps[starts]
+    periods = [p for p in PERIODS if len(tops) and np.all(np.abs(tops - p) <= 0.01 * step)]
+    return periods[0] if periods else 0.0
+
+
+def column_of_experiments(columns: dict[str, Column]) -> Column | None:
+    """The column that numbers experiments, by its name and whole numbers that stay for many rows and never return."""
+    for column in columns.values():
+        header, values = column.header.words, column.values
+        if not (header & (NAMES | UNSURE) and header <= NAMES | UNSURE | _NUMBER) or column.constant:
+            continue
+        if not np.isfinite(values).all() or not np.array_equal(values, np.rint(values)):
+            continue
+        borders = np.flatnonzero(np.diff(values)) + 1
+        numbers_in_turn = values[np.concatenate([[0], borders])]
+        lengths = np.diff([0, *borders.tolist(), len(values)])
+        switch = not header & NAMES and set(numbers_in_turn.tolist()) == {0.0, 1.0}
+        if len(set(numbers_in_turn.tolist())) == len(numbers_in_turn) and lengths.min() >= SHORTEST and not switch:
+            return column
+    return None
+
+
+def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
+    """Rows (start, stop) of each experiment; one piece of a table that is one.
+
+    Raises InputError where the clock may be a counter that wraps, and for a `part` that there is not.
+    """
+    clock, part = mapping.clock, mapping.range
+    n = len(table.columns[table.names.index(next(iter(mapping.columns())))])
+    starts: set[int] = set()
+    if part.experiment:
+        starts |= set((np.flatnonzero(np.diff(numbers(table, part.experiment, "range.experiment"))) + 1).tolist())
+    if clock.column and not clock.wrap:
+        stamps = soft_numbers(table, clock.column)
+        found = restarts(stamps)
+        new = np.array(sorted(set(found.tolist()) - starts), dtype=int)
+        if len(new) and not part.experiment and (period := may_be_counter(stamps, new)):
+            raise _doubt(table, clock, new, period)
+        starts |= set(found.tolist())
+    ends = sorted({0, n} | starts)
+    pieces = list(pairwise(ends))
+    if part.part is None:
+        return pieces
+    if not 1 <= part.part <= len(pieces):
+        raise InputError(
+            f"{table.path}: part of [range] is {part.part}, and the file holds {len(pieces)} experiment(s); give 1 to "
+            f"{len(pieces)}, or leave it out"
+        )
+    return pieces[part.part - 1 : part.part]
+
+
+def _doubt(table: Table, clock: Clock, starts: np.ndarray, period: float) -> InputError:
+    rows = rows_text(table, clock.column, starts.tolist())
+    return table.error(
+        clock.column,
+        int(starts[0]),
+        f"the clock starts again at {rows}, each time after {period:g}: a counter that wraps, or another experiment; "
+        "for one record give the sampling time with --ts instead of the clock; for experiments, number them in a "
+        "column and name it as experiment of [range] in a mapping",
+    )
+
+
+def rows_text(table: Table, column: str, places: Sequence[int]) -> str:
+    """The rows of the file at these places."""
+    rows = table.rows[table.names.index(column)]
+    more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
+    return f"{table.place}s {', '.join(str(rows[k]) for k in places[:SHOWN])}{more}"
+
+
+def cut(table: Table, start: int, stop: int, n: int) -> Table:
+    """The rows of one experiment of a table of n."""
+    keep = np.zeros(n, dtype=bool)
+    keep[start:stop] = True
+    return keep_rows(table, keep)
+
+
+def alone(mapping: ChannelMap) -> ChannelMap:
+    """The mapping of one experiment that is cut out already."""
+    changes = {"experiment": "", "part": None}
+    return mapping.model_copy(update={"range": Range(**{**mapping.range.model_dump(), **changes})})
+
+
+def join(parts: Sequence[Signals], mapping: ChannelMap, spans: Sequence[str], left_out: int) -> Signals:
+    """One record of the experiments `parts`, of which `spans` names the rows; raises InputError for other rates."""
+    first = parts[0]
+    for part, span in zip(parts, spans, strict=True):
+        if not same_rate(part.Ts, first.Ts):
+            raise InputError(
+                f"{first.path}: the experiment in {spans[0]} is sampled every {first.Ts:g} s and that in {span} every "
+                f"{part.Ts:g} s; keep one with part of [range] in a mapping, or set Ts of [clock]"
+            )
+    roles = {
+        role: tuple(
+            replace(
+                signal,
+                values=np.concatenate([getattr(part, role)[k].values for part in parts]),
+                missing=np.concatenate([getattr(part, role)[k].missing for part in parts]),
+            )
+            for k, signal in enumerate(getattr(first, role))
+        )
+        for role in ("input", "output", "other")
+    }
+    counts: dict[str, int] = {}
+    for part in parts:
+        counts = {kind: counts.get(kind, 0) + part.counts.get(kind, 0) for kind in (*counts, *part.counts)}
+    clock = first.sampling
+    if len(clock.steps):
+        steps = np.concatenate([part.sampling.steps for part in parts])
+        clock = replace(clock, steps=steps, off=max(part.sampling.off for part in parts))
+    sizes = ", ".join(f"{span} ({part.N} samples)" for part, span in list(zip(parts, spans, strict=True))[:SHOWN])
+    more = f" and {len(parts) - SHOWN} more" if len(parts) > SHOWN else ""
+    notes = [
+        f"the file holds {len(parts)} experiments, each with its own initial state: {sizes}{more}; part = 1 under "
+        "[range] of a mapping keeps the first alone"
+    ]
+    notes += [f"{left_out} row(s) between them, in stretches shorter than {SHORTEST}, are left out"] if left_out else []
+    notes += [note for note in first.notes if all(note in part.notes for part in parts)]
+    for part, span in zip(parts, spans, strict=True):
+        notes += [f"{span}: {note}" for note in part.notes if note not in notes]
+    return replace(
+        first,
+        mapping=mapping,
+        input=roles["input"],
+        output=roles["output"],
+        other=roles["other"],
+        notes=tuple(notes),
+        counts=counts,
+        sampling=clock,
+        lengths=tuple(part.N for part in parts),
+    )

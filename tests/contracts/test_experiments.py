@@ -1,0 +1,124 @@
+"""Several experiments in one file: a clock that starts again, a column that numbers them; and what is none."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sysid
+from sysid.base.errors import InputError
+from sysid.channels.mapping_file import read_map
+from sysid.workflow.inspection import inspect_file
+from sysid.workflow.record import read_record
+from twin.cli import main
+
+CASES = Path(__file__).parent / "cases"
+
+
+def first_order(N, seed, a=0.7):
+    u = np.repeat(np.random.default_rng(seed).uniform(-1, 1, N // 10), 10)
+    y = np.zeros(N)
+    for k in range(1, N):
+        y[k] = a * y[k - 1] + (1 - a) * u[k - 1]
+    return u, y
+
+
+def parts(lengths):
+    return [first_order(n, k) for k, n in enumerate(lengths)]
+
+
+def write(path, header, records, row, mark=","):
+    """A file with the rows row(number of the experiment, sample) + (u, y) of each record."""
+    lines = [mark.join(header)]
+    for k, (u, y) in enumerate(records):
+        lines += [mark.join(f"{value:.7g}" for value in (*row(k, i), u[i], y[i])) for i in range(len(u))]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+SIBLINGS = {
+    "restart alone": (["t_s", "u_V", "angle_rad"], lambda k, i: (0.02 * i,), ","),
+    "milliseconds, never at 0, semicolons": (["t_ms", "u_V", "angle_rad"], lambda k, i: (7 + 10 * i,), ";"),
+    "trial column first, time goes on": (["trial", "t_s", "u_V", "y_rad"], lambda k, i: (k + 1, 0.02 * i + 9 * k), ","),
+    "test numbers and a restart, tabs": (["test_no", "time_us", "u_V", "y_rad"], lambda k, i: (5 - k, 2500 * i), "\t"),
+    "time goes on without a gap": (["t_s", "experiment_id", "u_V", "y_rad"], lambda k, i: (0.1 * (60 * k + i), k), ","),
+}
+
+
+@pytest.mark.parametrize("name", SIBLINGS)
+def test_experiments_are_read_one_by_one(name, tmp_path):
+    header, row, mark = SIBLINGS[name]
+    records = parts((60, 60, 60))
+    record = read_record(write(tmp_path / "a.csv", header, records, row, mark))
+    assert record.data.lengths == (60, 60, 60)
+    for part, (u, y) in zip(record.data.experiments, records, strict=True):
+        np.testing.assert_allclose(part.u[:, 0], u, atol=1e-6)
+        np.testing.assert_allclose(part.y[:, 0], y, atol=1e-6)
+    assert any("holds 3 experiments" in note and "rows 62 to 121" in note for note in record.notes)
+
+
+def test_the_episodes_of_a_robot():
+    record = read_record(CASES / "episodes.parquet", input="action[0]", output="observation.state[0]")
+    assert record.data.lengths == (150, 150, 150, 150)
+    fit = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1), record.data, starts=1)
+    assert -fit.theta[fit.model.names.index("linear.f1")] == pytest.approx(0.7165, abs=1e-3)
+
+
+def test_a_part_and_a_range_of_each(tmp_path):
+    records = parts((60, 80))
+    path = write(tmp_path / "a.csv", ["t_s", "u_V", "y_rad"], records, lambda k, i: (0.02 * i,))
+    (tmp_path / "m.toml").write_text("[range]\npart = 2\n")
+    data = read_record(path, mapping=tmp_path / "m.toml").data
+    np.testing.assert_allclose(data.y[:, 0], records[1][1], atol=1e-6)
+    (tmp_path / "m.toml").write_text("[range]\npart = 3\n")
+    with pytest.raises(InputError, match="give 1 to 2"):
+        read_record(path, mapping=tmp_path / "m.toml")
+    cut = sysid.read(path, start=0.2, stop=0.6)
+    assert cut.lengths == (21, 21)
+    np.testing.assert_allclose(cut.y[21:, 0], records[1][1][10:31], atol=1e-6)
+
+
+def test_no_repair_joins_rows_over_a_restart(tmp_path):
+    """Neither as advised and written, nor as asked for."""
+    path = write(tmp_path / "a.csv", ["ms", "u_V", "y_rad"], parts((50, 50, 50)), lambda k, i: (20 * i,))
+    with pytest.raises(InputError, match="starts again at rows 52, 102, each time after 1000") as refusal:
+        read_record(path)
+    assert "--ts" in str(refusal.value)
+    assert read_record(path, Ts=0.02).data.N == 150  # the remedy
+    found = inspect_file(path)
+    assert found.mapping.repair.backward == "refuse"
+    written = tmp_path / "m.toml"
+    main(["info", str(path), "--write-map", str(written)])
+    assert 'backward = "drop"' not in (written.read_text() if written.exists() else "")
+    written.write_text(
+        '[clock]\ncolumn = "ms"\nunit = "ms"\n[[input]]\ncolumn = "u_V"\n[[output]]\ncolumn = "y_rad"\n'
+        '[repair]\nbackward = "drop"\n'
+    )
+    with pytest.raises(InputError, match="counter that wraps, or another experiment"):
+        sysid.read_signals(path, read_map(written))
+
+
+NEIGHBOURS = {
+    "one stamp back": lambda t: np.where(np.arange(len(t)) == 70, t[50], t),
+    "one stamp at 0": lambda t: np.where(np.arange(len(t)) == 70, 0.0, t),
+    "two stamps at the start": lambda t: np.where(np.isin(np.arange(len(t)), (70, 71)), t - t[70], t),
+}
+
+
+@pytest.mark.parametrize("name", NEIGHBOURS)
+def test_a_clock_that_glitches_once_is_one_experiment(name, tmp_path):
+    t = NEIGHBOURS[name](np.arange(150) * 0.02)
+    path = write(tmp_path / "a.csv", ["t_s", "u_V", "y_rad"], parts((150,)), lambda k, i: (t[i],))
+    with pytest.raises(InputError, match="time must increase"):
+        read_record(path)
+    assert inspect_file(path).signals.lengths == ()
+
+
+def test_columns_that_only_look_like_experiments(tmp_path):
+    """A switch called run, and a number that returns."""
+    for header, row in (
+        (["run", "t_s", "u_V", "y_rad"], lambda k, i: (float(i >= 30), 0.02 * i)),
+        (["trial", "t_s", "u_V", "y_rad"], lambda k, i: (i // 20 % 2, 0.02 * i)),
+    ):
+        path = write(tmp_path / "a.csv", header, parts((100,)), row)
+        assert read_record(path, input="u_V", output="y_rad").data.lengths == (100,)
