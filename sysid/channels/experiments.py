@@ -95,7 +95,8 @@ def rows_text(table: Table, column: str, places: Sequence[int]) -> str:
     """The rows of the file at these places."""
     rows = table.rows[table.names.index(column)]
     more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
-    return f"{table.place}s {', '.join(str(rows[k]) for k in places[:SHOWN])}{more}"
+    shown = ", ".join(str(rows[k]) for k in places[:SHOWN])
+    return f"{table.place}{'s' if len(places) > 1 else ''} {shown}{more}"
 
 
 def cut(table: Table, start: int, stop: int, n: int) -> Table:

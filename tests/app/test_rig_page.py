@@ -16,6 +16,10 @@ from twin.app.session import Session
 from twin.rig import wire
 from twin.rig.emulator import Emulator
 
+# A leg that moves in real time beside a browser: on two busy cores a page waits for minutes. By day
+# tests/app/test_rig.py drives the same orders without a browser.
+pytestmark = pytest.mark.nightly
+
 SOON = 0.5  # [s] from the act to a drive that is off
 
 
