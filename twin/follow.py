@@ -16,6 +16,7 @@ from twin.imperfections import of_group
 from twin.log import Log
 from twin.parameters import JOINTS, Parameters
 from twin.plant import slots
+from twin.plant.added import NOTHING, Added
 from twin.plant.stepping import TIMESTEP, attempt
 
 # A follower gives what the potentiometer would read, so that many parameters are compared on equal terms.
@@ -85,12 +86,12 @@ class Follower:
         self,
         parameters: Sequence[Parameters],
         starts: Sequence[float] | np.ndarray | None = None,
-        added: Sequence[np.ndarray | None] | None = None,
+        added: Sequence[Added] | None = None,
     ) -> np.ndarray:
         """The same readings (runs, steps) [rad] at every simulation step, for `sample_course`.
 
-        `added` (runs): the table of what the drive of a run has beside its parameters (`twin.plant.added`) or None.
-        Rows with a table whose link would touch something are NaN too.
+        `added` (runs): what the drive of each run has beside its parameters. Where that is something, rows whose link
+        would touch something are NaN too.
         """
         runs = len(parameters)
         if not runs:
@@ -101,7 +102,7 @@ class Follower:
         places = [
             float(np.clip(start, *end_angles(p, self.joint))) for p, start in zip(parameters, starts, strict=True)
         ]
-        tables = [None] * runs if added is None else list(added)
+        tables = [NOTHING] * runs if added is None else list(added)
         with ThreadPoolExecutor(max(self.threads, 1)) as pool:
             courses = list(pool.map(self._course, experiments, places, tables))
         others = [k for k, course in enumerate(courses) if course is None]
@@ -113,9 +114,9 @@ class Follower:
                 courses[k] = output[:, 0, slots.READING]
         return np.stack([course for course in courses if course is not None])
 
-    def _course(self, e: Experiment, start: float, added: np.ndarray | None) -> np.ndarray | None:
+    def _course(self, e: Experiment, start: float, added: Added) -> np.ndarray | None:
         """The readings (steps,) of one run; None where only MuJoCo knows them: closed loops and contacts."""
-        unknown_course = None if added is None else np.full(self._steps, np.nan)
+        unknown_course = None if added is NOTHING else np.full(self._steps, np.nan)
         if e.realisation != "tendon":
             return unknown_course
         from twin.plant.mechanics import course  # compiled code, loaded by those who step

@@ -10,7 +10,7 @@ from twin.compare.effects import READ, SLOPE, START, ZERO, Knob, apply_knobs, kn
 from twin.compare.structures import STRUCTURES, Structure
 from twin.follow import Follower
 from twin.parameters import Parameters
-from twin.plant.added import Grid, grid
+from twin.plant.added import NOTHING, Added, Grid, grid
 
 Values = Mapping[str, float]
 # These need no simulation of their own: they change how a course is read.
@@ -79,10 +79,10 @@ class Trials:
             if any(values[name] != self.knobs[name].nominal for name in structure.knobs):
                 yield structure, values
 
-    def _added(self, state: Values) -> np.ndarray | None:
-        """The table of what the drive has beside its parameters."""
+    def _added(self, state: Values) -> Added:
+        """What the drive has beside its parameters."""
         tables = [s.drive(self._grid, values) for s, values in self._present(state) if s.drive]
-        return np.sum(tables, axis=0) if tables else None
+        return Added(np.sum(tables, axis=0), self._grid.spans) if tables else NOTHING
 
     def _read(self, course: np.ndarray, state: Values) -> np.ndarray:
         for structure, values in self._present(state):

@@ -40,6 +40,17 @@ class Grid:
         return np.zeros((ROWS, POINTS))
 
 
+@dataclass(frozen=True)
+class Added:
+    """A table (ROWS, POINTS) with the `spans` (4,) of the grid that it was made on."""
+
+    table: np.ndarray
+    spans: np.ndarray
+
+
+NOTHING = Added(np.zeros((ROWS, 0)), np.ones(4))
+
+
 def grid(p: Parameters, joint: str, seconds: float) -> Grid:
     """The grid of a joint with parameters `p` over a record of `seconds` [s]."""
     low, high = end_angles(p, joint)

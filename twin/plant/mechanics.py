@@ -11,7 +11,7 @@ from twin.hardware.linkage import linkage, stroke
 from twin.parameters import Parameters
 from twin.plant import reduced as r
 from twin.plant import slots
-from twin.plant.added import ROWS, RUB, grid
+from twin.plant.added import NOTHING, RUB, Added
 from twin.plant.board import circuit, user_data
 from twin.plant.leg import BENCH_LEG, LEAST, bench_spec
 
@@ -54,12 +54,12 @@ def course(
     servo: bool = False,
     pot_on_link: bool = True,
     seed: int = 0,
-    added: np.ndarray | None = None,
+    added: Added = NOTHING,
 ) -> np.ndarray | None:
     """Readings (steps,) [rad] before each simulation step of the bench of `joint` under commands (steps,) [V].
 
-    The drive starts at `start` [rad], `settle` [s] before the first command. `added` (ROWS, POINTS) is a table on the
-    `grid` of the joint over the commands (see `twin.plant.added`). NaN where the simulation fails. None where
+    The drive starts at `start` [rad], `settle` [s] before the first command. `added` is what
+    the drive has beside its parameters. NaN where the simulation fails. None where
     a link would touch the floor or the torso: MuJoCo's contacts are not here. See `twin.experiment` for the others.
     """
     electric = circuit(p, joint, without)
@@ -74,10 +74,9 @@ def course(
     c[r.BEARING] = values[f"{joint}.bearing_coulomb"]
     out = np.empty(len(commands))
     hold, delay = (pot.scale * start if servo else 0.0), round(values["delay"] / h)
-    table = np.zeros((ROWS, 0)) if added is None else added
-    spans = grid(p, joint, len(commands) * h).spans
-    c[r.RUBS] = c[r.RUBS] or bool(table[RUB].any())
-    assert r.roll(board, c, body.soft, start, commands, delay, hold, round(settle / h), out, table, spans)
+    c[r.RUBS] = c[r.RUBS] or bool(added.table[RUB].any())
+    lead = round(settle / h)
+    assert r.roll(board, c, body.soft, start, commands, delay, hold, lead, out, added.table, added.spans)
     if not np.isfinite(out).all():
         return np.full(len(out), np.nan)
     return out if body.free(float(out.min()), start, float(out.max())) else None
