@@ -16,8 +16,9 @@ import sysid
 from sysid.blocks import ServoMotor
 from sysid.structures import servo_joint
 from twin.rig.bus.emulator import Emulator
+from twin.rig.bus.recording import log_of
 from twin.rig.bus.registers import DYNAMIXEL, FEETECH
-from twin.rig.bus.run import check_goals, log_of, play
+from twin.rig.bus.run import check_goals, play
 from twin.rig.bus.servo import wired
 from twin.rig.run import Input
 

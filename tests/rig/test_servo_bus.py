@@ -23,8 +23,9 @@ from twin.log import Log
 from twin.rig.bus.device import Device, drawn
 from twin.rig.bus.emulator import Emulator
 from twin.rig.bus.packets import crc16
+from twin.rig.bus.recording import log_of, save
 from twin.rig.bus.registers import DYNAMIXEL, FAMILIES, FEETECH, MIDDLE, TICK
-from twin.rig.bus.run import check_goals, log_of, play, save
+from twin.rig.bus.run import check_goals, play
 from twin.rig.bus.servo import wired
 from twin.rig.link import Lost
 from twin.rig.run import Input

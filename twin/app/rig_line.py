@@ -258,7 +258,7 @@ def connect(request: dict[str, Any], lines: TextIO, tell: Tell) -> int:
             who, supply = link.identity, None if emulator is None else emulator.supply
             line = RigLine(link, Path(request["folder"]), tell, emulator)
             threading.Thread(target=line.listen, args=(lines,), daemon=True).start()
-            tell(connected=port, firmware=f"{who.name} {who.firmware}", full=who.full, supply=supply)
+            tell(connected=port, firmware=who.release, full=who.full, supply=supply)
             line.work()
     except InputError as error:
         tell(failed=str(error), at="connect")

@@ -17,7 +17,7 @@ from twin.cli.stopping import hold_requests
 if TYPE_CHECKING:
     from twin.rig.bus.emulator import Emulator
     from twin.rig.bus.line import Bus
-    from twin.rig.bus.run import Recording
+    from twin.rig.bus.recording import Recording
     from twin.rig.bus.servo import Servo
 
 ROW = 200  # [bytes] of a log, at the most
@@ -141,7 +141,8 @@ def run(
     as_json: bool,
 ) -> None:
     """Play goals, write their log, and say how it went; an emulated servo also shows what was hidden in it."""
-    from twin.rig.bus.run import check_goals, log_of, play, read_goals, save
+    from twin.rig.bus.recording import log_of, save
+    from twin.rig.bus.run import check_goals, play, read_goals
     from twin.rig.bus.servo import read, wired
     from twin.rig.room import room_for
 
@@ -191,8 +192,3 @@ def _end(done: "Recording", meta: Any, hidden: list[str], log: str, as_json: boo
         raise typer.Exit(1)
     if not as_json:
         print("\n".join([*hidden, f"Next: qpal identify {log} --structure servo_joint"]))
-
-
-def again(rig: str, emulate: str | None, seed: int) -> str:
-    """The options with which the next verb finds the same rig."""
-    return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")

@@ -92,7 +92,9 @@ def check_known(known: "Calibration | None", link: "Link", emulator: "Emulated |
     from twin.rig.wiring import board_on, check_rig
 
     if known is not None:
-        options = f" --port {link.port} --rig other.toml" if emulator is None else same_rig("other.toml", emulator)
+        options = f" --port {link.port} --rig other.toml"
+        if emulator is not None:
+            options = same_rig("other.toml", emulator.kind, emulator.seed)
         check_rig(
             link,
             known,
@@ -175,9 +177,9 @@ def check_new_file(path: str) -> None:
     check_writable_file(Path(path))
 
 
-def same_rig(rig: str, emulator: "Emulated | None") -> str:
+def same_rig(rig: str, emulate: str | None, seed: int) -> str:
     """The options with which the next verb finds the same rig."""
-    return f" --rig {rig}" + ("" if emulator is None else f" --emulate {emulator.kind} --seed {emulator.seed}")
+    return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")
 
 
 def speaker(as_json: bool) -> Callable[[str], None]:

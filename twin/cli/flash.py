@@ -52,8 +52,7 @@ def flash(
             summary, sentences = {"hex": str(kept), "firmware": " ".join(release())}, [f"Written: {kept}"]
         if target is not None:
             ask(f"The program of the board on {target} will be replaced.", yes)
-            who = upload(file, target)
-            found = f"{who.name} {who.firmware}"
+            found = upload(file, target).release
             if hex is None and found != " ".join(release()):
                 raise InputError(
                     f"{target}: {found} answers, and {' '.join(release())} was written; press the board's reset key, "

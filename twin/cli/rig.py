@@ -74,8 +74,8 @@ def find(
         return
     with rig_on(port, emulate, JOINTS[1], seed) as (link, _):
         who = link.identity
-        summary = {"port": link.port, "firmware": f"{who.name} {who.firmware}", "joints": who.joints, "full": who.full}
-        say(summary, as_json, f"{link.port}: {who.name} {who.firmware}, {who.joints} joints, readings to {who.full}")
+        summary = {"port": link.port, "firmware": who.release, "joints": who.joints, "full": who.full}
+        say(summary, as_json, f"{link.port}: {who.release}, {who.joints} joints, readings to {who.full}")
 
 
 def wire(
@@ -110,7 +110,7 @@ def wire(
     check_new_file(rig)
     if name := servos.name_of(bus, emulate):
         wired = servos.wire(name, id, joint, rig, port, emulate, seed, speaker(as_json))
-        say(wired, as_json, f"Written: {rig}", f"Next: qpal rig run GOALS.csv{servos.again(rig, emulate, seed)}")
+        say(wired, as_json, f"Written: {rig}", f"Next: qpal rig run GOALS.csv{same_rig(rig, emulate, seed)}")
         return
     with rig_on(port, emulate, joint, seed) as (link, emulator):
         start = first_calibration(link, joint, channel, supply, largest, emulator, supply_full)
@@ -119,7 +119,7 @@ def wire(
         result = find_wiring(link, start, speaker(as_json))
         calibrations.write(result, rig)
     note_result(rig)
-    say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero{same_rig(rig, emulator)}")
+    say(result.model_dump(), as_json, f"Written: {rig}", f"Next: qpal rig zero{same_rig(rig, emulate, seed)}")
 
 
 def zero(
@@ -162,7 +162,7 @@ def zero(
         result.model_dump(),
         as_json,
         f"Written: {rig}",
-        f"Next: qpal rig auto {known.joint}{same_rig(rig, emulator)}",
+        f"Next: qpal rig auto {known.joint}{same_rig(rig, emulate, seed)}",
     )
 
 

@@ -34,7 +34,7 @@ def journal(
     """
     path = log.with_name(log.name + END)
     head = {
-        "firmware": f"{link.identity.name} {link.identity.firmware}",
+        "firmware": link.identity.release,
         "port": link.port,
         "calibration": calibration.model_dump(),
         "levels": [int(level) for level in levels],

@@ -285,7 +285,7 @@ def _done(reason: int | None, what: str) -> None:
 
 def log_of(recording: Recording, calibration: Calibration, link: Link, source: str = "") -> Log:
     """The log of a recording that has just come over `link`; see `log_of_run`."""
-    return log_of_run(recording, calibration, f"{link.identity.name} {link.identity.firmware}", link.port, source)
+    return log_of_run(recording, calibration, link.identity.release, link.port, source)
 
 
 def log_of_run(recording: Recording, calibration: Calibration, firmware: str, port: str, source: str = "") -> Log:

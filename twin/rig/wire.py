@@ -202,6 +202,11 @@ class Identity(Plain):
         """The firmware's version."""
         return f"{self.major}.{self.minor}.{self.patch}"
 
+    @property
+    def release(self) -> str:
+        """Name and version."""
+        return f"{self.name} {self.firmware}"
+
 
 @dataclass(frozen=True)
 class Done(Plain):

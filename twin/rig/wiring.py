@@ -53,7 +53,7 @@ def read_sensors(link: Link, samples: int = 8) -> Readings:
 
 def board_on(link: Link, seed: int | None) -> str:
     """Who answers: name and version of the firmware, and the seed of an emulated leg, if it is one."""
-    return f"{link.identity.name} {link.identity.firmware}" + ("" if seed is None else f", seed {seed}")
+    return link.identity.release + ("" if seed is None else f", seed {seed}")
 
 
 def check_rig(link: Link, calibration: Calibration, board: str, again: str) -> None:

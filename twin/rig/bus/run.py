@@ -1,8 +1,7 @@
-"""Play goals on a servo, of which the host is the clock, and bring back its log with the true times."""
+"""Play goals on a servo, of which the host is the clock."""
 
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,25 +11,22 @@ from sysid.base.errors import InputError
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import Range
 from sysid.channels.reading import sample
-from sysid.formats import read_table, write_table
-from twin.log import Log
-from twin.parameters import JOINTS
+from sysid.formats import read_table
 from twin.rig.bus.line import Bus, Garbled, Refused, Silent, State
+from twin.rig.bus.recording import EXTRA, Recording
 from twin.rig.bus.registers import TICK, WATCHDOG_UNIT
 from twin.rig.bus.servo import About, Servo, about, errors_of, rest
 from twin.rig.link import Lost
-from twin.rig.run import MOST, SHORTEST, Input
+from twin.rig.run import MOST, SHORTEST, Early, Input
 
-LATE = 0.1  # of a sample: a reading farther off its time is missing, as `Repair.jitter` of a mapping has it
 MISSES = 0.1  # [s] without an answer, after which the torque goes off; at least three samples
 WATCHDOG = 0.1  # [s] of the servo's own watchdog, at least three samples
 FULL = 0.9  # of the largest drive: it may stall
 MOTION = np.deg2rad(2.0)  # less is none
 CURRENT_TIME = 0.1  # [s] above the largest current
 OFF_TRIES = 30
+TRIES_OF_PACE = 10
 PACE = 0.02  # [s] of the goals on the way to the first one
-SIZES = ("load", "current", "voltage", "temperature")
-EXTRA = {"load": "drive_share", "current": "current_A", "voltage": "supply_V", "temperature": "temperature_C"}
 
 
 def read_goals(path: str | Path) -> Input:
@@ -75,68 +71,11 @@ def check_goals(given: Input, servo: Servo) -> np.ndarray:
     return servo.position(goals)
 
 
-@dataclass
-class Recording:
-    """What came back of goals (n,) [ticks]: `goals` as the servo has them, `positions` (n,) [ticks], nan where none
-    came; when each goal was sent and each position read [s], and what else was measured by name (n,).
-
-    `off` [s] is how long after the end of the run the servo confirmed that its torque is off, None if it did not.
-    """
-
-    goals: np.ndarray
-    positions: np.ndarray
-    sent: np.ndarray
-    read: np.ndarray
-    Ts: float
-    more: dict[str, np.ndarray]
-    garbled: int = 0
-    silent: int = 0
-    unconfirmed: int = 0
-    other_goals: int = 0
-    reason: str = ""
-    interrupted: bool = False
-    off: float | None = None
-    notes: list[str] = field(default_factory=list)
-
-    @property
-    def offsets(self) -> tuple[float, float]:
-        """Median times after the grid's at which goals were sent and positions read [s]."""
-        return tuple(
-            float(np.nanmedian(t - self._grid)) if np.isfinite(t).any() else 0.0 for t in (self.sent, self.read)
-        )  # type: ignore[return-value]
-
-    @property
-    def _grid(self) -> np.ndarray:
-        return np.arange(len(self.goals)) * self.Ts
-
-    @property
-    def late(self) -> np.ndarray:
-        """Numbers of the samples that were read farther off than `LATE`."""
-        off = np.abs(self.read - self._grid - self.offsets[1])
-        return np.flatnonzero(np.nan_to_num(off) > LATE * self.Ts)
-
-    @property
-    def late_goals(self) -> np.ndarray:
-        """Numbers of the goals that were sent farther off than `LATE`."""
-        off = np.abs(self.sent - self._grid - self.offsets[0])
-        return np.flatnonzero(np.nan_to_num(off) > LATE * self.Ts)
-
-    @property
-    def jitter(self) -> tuple[float, float]:
-        """Standard deviation and largest distance [s] of the readings from their median place."""
-        off = self.read - self._grid - self.offsets[1]
-        return (float(np.nanstd(off)), float(np.nanmax(np.abs(off)))) if np.isfinite(off).any() else (0.0, 0.0)
-
-
-class _Early(Exception):  # noqa: N818 - the end of a run
-    """A run ended before its time."""
-
-
 class _Player:
     def __init__(self, bus: Bus, servo: Servo, known: About, goals: np.ndarray, Ts: float, progress: Any) -> None:
         self.bus, self.servo, self.known, self.progress = bus, servo, known, progress
         N, nan = len(goals), np.nan
-        more = {name: np.full(N, nan) for name in SIZES}
+        more = {name: np.full(N, nan) for name in EXTRA}
         self.made = Recording(goals.copy(), np.full(N, nan), np.full(N, nan), np.full(N, nan), Ts, more)
         self.given, self.Ts, self.seen, self.active = goals, Ts, 0, False
         self.heard = self.driven = self.free = bus.clock.now()
@@ -184,7 +123,7 @@ class _Player:
     def _check_pace(self) -> None:
         """Raises InputError where the bus is too slow for the goals."""
         bus, times = self.bus, []
-        for _ in range(RESTS_OF_PACE):
+        for _ in range(TRIES_OF_PACE):
             with suppress(Silent, Garbled):
                 state = bus.state(self.servo.number, self.known.model)
                 times.append(state.answered - state.asked)
@@ -198,7 +137,7 @@ class _Player:
         bus.answer = float(np.clip(2.0 * turn, 3e-3, 0.3 * self.Ts))
 
     def play(self) -> None:
-        """To the last goal; raises _Early where it ends before."""
+        """To the last goal; raises Early where it ends before."""
         clock, made, Ts = self.bus.clock, self.made, self.Ts
         start = clock.now() + Ts
         for k, goal in enumerate(self.given):
@@ -212,28 +151,28 @@ class _Player:
             if state is not None:
                 made.positions[k] = state.position
                 made.read[k] = 0.5 * (state.asked + state.answered) - start
-                for name in SIZES:
+                for name in EXTRA:
                     made.more[name][k] = getattr(state, name)
             self.seen = k + 1
             if k % 20 == 0:
                 self.progress(k / len(self.given))
 
     def _turn(self, goal: int, k: int | None = None) -> State | None:
-        """Send a goal and read the servo; None if no answer came. Raises _Early for what is wrong."""
+        """Send a goal and read the servo; None if no answer came. Raises Early for what is wrong."""
         bus, made, confirmed, state = self.bus, self.made, False, None
         try:
             with self._counted():
                 bus.write(self.servo.number, bus.family.registers["goal"], goal, tries=1)
                 confirmed = True
         except Refused as refused:  # so a Dynamixel says that its watchdog has stopped it
-            raise _Early(f"{refused}; a Dynamixel whose host was silent for too long takes no goal") from None
+            raise Early(f"{refused}; a Dynamixel whose host was silent for too long takes no goal") from None
         with self._counted():
             state = bus.state(self.servo.number, self.known.model)
         now = bus.clock.now()
         if state is None:
             made.unconfirmed += not confirmed and k is not None
             if now - self.heard > max(MISSES, 3.0 * self.Ts):
-                raise _Early("the servo does not answer any more")
+                raise Early("the servo does not answer any more")
             return None
         self.heard = now
         if k is not None and state.goal != goal:
@@ -242,28 +181,35 @@ class _Player:
         self._guard(state, now)
         return state
 
-    def _counted(self) -> Any:
-        return _Counted(self.made)
+    @contextmanager
+    def _counted(self) -> Iterator[None]:
+        """Counts an answer that does not come, or comes garbled."""
+        try:
+            yield
+        except Garbled:
+            self.made.garbled += 1
+        except Silent:
+            self.made.silent += 1
 
     def _guard(self, state: State, now: float) -> None:
-        """Raises _Early for a state in which the torque has to go off."""
+        """Raises Early for a state in which the torque has to go off."""
         servo = self.servo
         if state.error:
-            raise _Early(f"the servo reports {errors_of(self.bus.family, state.error)}")
+            raise Early(f"the servo reports {errors_of(self.bus.family, state.error)}")
         if state.temperature >= servo.hottest:
-            raise _Early(f"the servo has {state.temperature:.0f} C, and the limit is {servo.hottest:.0f} C")
+            raise Early(f"the servo has {state.temperature:.0f} C, and the limit is {servo.hottest:.0f} C")
         angle = float(servo.angle(np.array(state.position)))
         if not servo.soft_low - servo.beyond <= angle <= servo.soft_high + servo.beyond:
-            raise _Early(f"the joint is at {np.rad2deg(angle):.1f} deg, beyond its soft limits")
+            raise Early(f"the joint is at {np.rad2deg(angle):.1f} deg, beyond its soft limits")
         if servo.largest_current is None or not abs(state.current) > servo.largest_current:
             self.free = now
         elif now - self.free > CURRENT_TIME:
-            raise _Early(f"the servo draws {abs(state.current):.2f} A, and the limit is {servo.largest_current:.2f} A")
+            raise Early(f"the servo draws {abs(state.current):.2f} A, and the limit is {servo.largest_current:.2f} A")
         moved = self.place is None or abs(angle - self.place) > MOTION
         if moved or not abs(state.load) > FULL * self.known.loop["largest_drive"]:
             self.place, self.driven = angle, now
         elif now - self.driven > servo.stall:
-            raise _Early("it does not move at its largest drive (stall)")
+            raise Early("it does not move at its largest drive (stall)")
 
     def off(self) -> float | None:
         """Torque off, said until the servo confirms it; returns the time that this took [s], None if it did not."""
@@ -288,24 +234,6 @@ class _Player:
                 self.put(name, value)
 
 
-RESTS_OF_PACE = 10
-
-
-class _Counted:
-    """Counts an answer that does not come, or comes garbled."""
-
-    def __init__(self, made: Recording) -> None:
-        self.made = made
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: object) -> bool:
-        self.made.garbled += isinstance(error, Garbled)
-        self.made.silent += isinstance(error, Silent)
-        return isinstance(error, Silent | Garbled)
-
-
 def play(
     bus: Bus, servo: Servo, goals: np.ndarray, Ts: float, progress: Callable[[float], None] = lambda share: None
 ) -> tuple[Recording, About]:
@@ -320,7 +248,7 @@ def play(
     try:
         player.begin()
         player.play()
-    except (_Early, Lost) as early:
+    except (Early, Lost) as early:
         made.reason = str(early)
         if isinstance(early, Lost) and not player.active:
             raise
@@ -335,64 +263,3 @@ def play(
         setattr(made, name, getattr(made, name)[:n])
     made.more = {name: values[:n] for name, values in made.more.items()}
     return made, known
-
-
-def log_of(recording: Recording, servo: Servo, known: About, source: str = "") -> Log:
-    """The log of a recording: goals as the servo had them, angles, and what a reader has to know of the servo.
-
-    A sample that did not come, or was read too late, has no angle: it is nan, and its number is in `meta["filled"]`.
-    """
-    positions, late = recording.positions.copy(), recording.late
-    positions[late] = np.nan
-    lost, n = np.flatnonzero(np.isnan(positions)), len(positions)
-    (spread, largest), (sent, read) = recording.jitter, recording.offsets
-    low = recording.more["voltage"]
-    rig: dict[str, Any] = {
-        **{"bus": servo.bus, "servo": known.model.name, "number": servo.number, "port": servo.port, "baud": servo.baud},
-        "garbled_answers": recording.garbled,
-        "lost_answers": recording.silent,
-        "late_readings": len(late),
-        "late_goals": len(recording.late_goals),
-        "unconfirmed_goals": recording.unconfirmed,
-        "goals_that_did_not_arrive": recording.other_goals,
-        "jitter_ms": round(1e3 * spread, 4),
-        "largest_jitter_ms": round(1e3 * largest, 4),
-        "reading_after_goal_ms": round(1e3 * (read - sent), 4),
-        "lowest_supply": float(np.nanmin(low)) if np.isfinite(low).any() else None,
-        "torque_off_after_ms": None if recording.off is None else round(1e3 * recording.off, 3),
-        "ended_early": recording.reason or None,
-    }
-    notes = [*known.notes()]
-    if len(lost):
-        notes.append(f"{len(lost)} of {n} samples were lost or late: they are marked as missing")
-    for count, sentence in (
-        (rig["late_readings"], "{} of {} readings came late"),
-        (rig["late_goals"], "{} of {} goals were sent late; the model takes them as sent in time"),
-        (recording.unconfirmed, "{} of {} goals are not confirmed"),
-        (recording.other_goals, "{} of {} goals did not arrive: the log has those that the servo had"),
-    ):
-        notes += [sentence.format(count, n)] if count else []
-    notes += [f"the run ended early: {recording.reason}"] if recording.reason else []
-    notes += ["the servo did not confirm that its torque is off"] if recording.off is None else []
-    meta: dict[str, Any] = {
-        "source": "rig",
-        "excitation": source,
-        "mode": "servo",
-        "u_unit": "rad",
-        "rig": rig,
-        "notes": notes,
-    }
-    meta |= {"servo": {**known.loop, "registers": dict(known.registers)}}
-    meta |= {"filled": lost.tolist()} if len(lost) else {}
-    joint = servo.joint if servo.joint in JOINTS else ""
-    return Log(servo.angle(recording.goals), servo.angle(positions), recording.Ts, None, joint, meta)
-
-
-def save(log: Log, recording: Recording, path: str | Path) -> Path:
-    """Write the log with the true times of each sample and what else was measured, in columns of their own."""
-    import json
-
-    columns: dict[str, np.ndarray] = {"time_s": np.round(log.t, 9), "reference_rad": log.u, "angle_rad": log.y}
-    columns |= {"sent_after_ms": 1e3 * (recording.sent - log.t), "read_after_ms": 1e3 * (recording.read - log.t)}
-    columns |= {EXTRA[name]: values for name, values in recording.more.items() if np.isfinite(values).any()}
-    return write_table(path, columns, json.dumps({**log.meta, "joint": log.joint, "Ts": log.Ts}))
