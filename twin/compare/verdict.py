@@ -7,17 +7,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from twin.compare.departure import noise_of
 from twin.compare.effects import SLOPE, START, ZERO
+from twin.compare.evidence import beyond_chance, independent_samples, schwarz
 from twin.compare.intervals import Value, values
 from twin.compare.remainder import Remainder, remainder
 from twin.compare.search import Search, Trials, fit_all, refine, restart
 from twin.compare.structures import CAUSES, STRUCTURES
 from twin.follow import VISIBLE
 
-CHANCE = 0.01  # probability of naming an effect where there is none, over all effects together
 MOST = 3  # effects that are named one after the other
 WORTH = 0.03  # share of the departure that a further effect must explain
 _ALIKE = 6.0  # a difference of twice the log likelihood below this does not tell two effects apart
@@ -202,15 +201,14 @@ def _other_scale(trials: Trials) -> tuple[dict[str, float], ...]:
 
 def _score(search: Search, N: int) -> float:
     """Schwarz's criterion: of two effects that explain as much, the one with fewer values goes first."""
-    return N * float(np.log(search.cost)) + len(search.free) * float(np.log(N))
+    return schwarz(search.cost, len(search.free), N)
 
 
 def _better_than_chance(base: Search, candidates: Sequence[Search], N: int) -> Search | None:
     """The best of `candidates`, if it fits better than chance makes it (likelihood ratio, Bonferroni over all)."""
     best = candidates[0]
-    n_values = len(best.free) - len(base.free)
-    limit = float(chi2.isf(CHANCE / len(candidates), n_values))
-    return best if N * np.log(base.cost / best.cost) > limit else None
+    more = len(best.free) - len(base.free)
+    return best if beyond_chance(base.cost, best.cost, more, len(candidates), N) else None
 
 
 def _explained_share(search: Search, base: Search, noise: float) -> float:
@@ -222,11 +220,7 @@ def _explained_share(search: Search, base: Search, noise: float) -> float:
 def _alike(trials: Trials, searches: Sequence[Search], y: np.ndarray) -> tuple[str, ...]:
     """Effects whose fit this record cannot tell from the best one's; coloured residuals count as fewer samples."""
     (row,) = trials.rows([searches[0].state])
-    e = y - row
-    e = e - e.mean()
-    memory = float(np.clip((e[1:] @ e[:-1]) / max(float(e @ e), 1e-300), 0.0, 0.99))
-    samples = len(y) * (1.0 - memory) / (1.0 + memory)
-    best = searches[0].cost
+    samples, best = independent_samples(y - row, len(y)), searches[0].cost
     return tuple(s.name for s in searches[1:] if samples * np.log(s.cost / best) < _ALIKE)
 
 

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import chi2
 
 from sysid.base.errors import InputError
 from twin.calibrate.problem import noise_of
 from twin.calibrate.search import find_optimum
-from twin.compare.verdict import CHANCE
+from twin.compare.evidence import beyond_chance, independent_samples, schwarz
 from twin.follow import VISIBLE as VISIBLE_ANGLE
 from twin.mjcf.logs import RobotLog
 from twin.mjcf.parameters import KINDS, Parameter, parameters
@@ -95,21 +94,19 @@ class Searches:
 
     def score(self, place: Place) -> float:
         """Schwarz's criterion."""
-        return self.N * float(np.log(place.cost)) + len(place.values) * float(np.log(self.N))
+        return schwarz(place.cost, len(place.values), self.N)
 
     def better(self, base: Place, best: Place, count: int) -> bool:
         """Whether chance does not explain the better fit of the best of `count`, and anyone sees it."""
-        limit = float(chi2.isf(CHANCE / count, len(best.values) - len(base.values)))
+        more = len(best.values) - len(base.values)
         before, after = (np.nanmean((self.log.y - each.y) ** 2, axis=0) for each in (base, best))
         visible = np.array([VISIBLE[drive.unit] for drive in self.robot.drives])
-        return self.N * np.log(base.cost / best.cost) > limit and bool(np.any(before - after > visible**2))
+        seen = bool(np.any(before - after > visible**2))
+        return seen and beyond_chance(base.cost, best.cost, more, count, self.N)
 
     def alike(self, places: Sequence[Place]) -> tuple[str, ...]:
         """The last kinds of places that the log cannot tell from the first one; coloured residuals count as less."""
-        e = (self.log.y - places[0].y) / self.sigma
-        e = e - np.nanmean(e)
-        memory = float(np.clip(np.nanmean(e[1:] * e[:-1]) / max(float(np.nanmean(e**2)), 1e-300), 0.0, 0.99))
-        N = self.N * (1.0 - memory) / (1.0 + memory)
+        N = independent_samples((self.log.y - places[0].y) / self.sigma, self.N)
         scores = [N * np.log(each.cost) + len(each.values) * np.log(self.N) for each in places]
         near = (score - scores[0] < 2.0 * np.log(ODDS) for score in scores[1:])
         return tuple(place.kinds[-1] for place, is_near in zip(places[1:], near, strict=True) if is_near)
