@@ -162,15 +162,15 @@ def counter_bits(column: Column) -> Bits:
         return 0
     for bits in WRAPS:
         rises = falls + 2.0**bits
-        if within_counter(x, bits).all() and np.all((rises > 0) & (rises <= NEAR_WRAP * column.step)):
+        if within_counter(x, 2.0**bits).all() and np.all((rises > 0) & (rises <= NEAR_WRAP * column.step)):
             return bits
     return 0
 
 
-def within_counter(values: np.ndarray, bits: int) -> np.ndarray:
-    """Which of `values` (n,) a counter of so many bits can show; one with numbers below 0 is written with a sign."""
-    lowest = -(2.0 ** (bits - 1)) if np.any(values < 0) else 0.0
-    return np.asarray((values >= lowest) & (values < lowest + 2.0**bits))
+def within_counter(values: np.ndarray, period: float) -> np.ndarray:
+    """Which of `values` (n,) a counter of this period can show; one with numbers below 0 is written with a sign."""
+    lowest = -0.5 * period if np.any(values < 0) else 0.0
+    return np.asarray((values >= lowest) & (values < lowest + period))
 
 
 def evenest_clock(clock: Column, clocks: Sequence[Column]) -> Column:

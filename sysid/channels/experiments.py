@@ -12,10 +12,10 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
 from sysid.channels.column import Column, numbers, soft_numbers, words
-from sysid.channels.mapping import ChannelMap, Clock, Range
+from sysid.channels.mapping import ChannelMap, Range, brief
 from sysid.channels.repair import keep_rows
 from sysid.channels.signals import Signals
-from sysid.channels.stamps import SHORTEST, restarts, usual_step
+from sysid.channels.stamps import SHORTEST, is_hour, restarts, usual_step
 from sysid.data.table import Table
 
 # Limits chosen by hand; the logs of tests/corpus and of tests/contracts/test_experiments.py hold them.
@@ -60,13 +60,11 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     n = len(table.columns[table.names.index(next(iter(mapping.columns())))])
     starts: set[int] = set()
     if part.experiment:
-        starts |= set((np.flatnonzero(np.diff(numbers(table, part.experiment, "range.experiment"))) + 1).tolist())
-    if clock.column and not clock.wrap:
-        stamps = soft_numbers(table, clock.column)
-        found = restarts(stamps)
-        new = np.array(sorted(set(found.tolist()) - starts), dtype=int)
-        if len(new) and not part.experiment and (period := may_be_counter(stamps, new)):
-            raise _doubt(table, clock, new, period)
+        starts |= set(_starts_of(table, part.experiment).tolist())
+    if clock.column and not clock.turn:
+        found = starts_of_clock(table, clock.column)
+        if len(found) and not part.experiment and (doubt := doubt_of_starts(table, clock.column, found)):
+            raise table.error(clock.column, int(found[0]), doubt)
         starts |= set(found.tolist())
     ends = sorted({0, n} | starts)
     pieces = list(pairwise(ends))
@@ -80,14 +78,34 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     return pieces[part.part - 1 : part.part]
 
 
-def _doubt(table: Table, clock: Clock, starts: np.ndarray, period: float) -> InputError:
-    rows = rows_text(table, clock.column, starts.tolist())
-    return table.error(
-        clock.column,
-        int(starts[0]),
-        f"the clock starts again at {rows}, each time after {period:g}: a counter that wraps, or another experiment; "
-        "for one record give the sampling time with --ts instead of the clock; for experiments, number them in a "
-        "column and name it as experiment of [range] in a mapping",
+def _starts_of(table: Table, column: str) -> np.ndarray:
+    """Places (m,) at which experiments start by a column that numbers them, or a clock, which rises in most rows."""
+    if np.nanmedian(np.diff(soft_numbers(table, column))) > 0:
+        return starts_of_clock(table, column)
+    return np.flatnonzero(np.diff(numbers(table, column, "range.experiment"))) + 1
+
+
+def starts_of_clock(table: Table, column: str) -> np.ndarray:
+    """Places (m,) at which the clock of a column starts again; an hour less at a change of clocks is no start."""
+    stamps = soft_numbers(table, column)
+    starts = restarts(stamps)
+    if not len(starts) or column not in table.local:
+        return starts
+    usual = usual_step(stamps[np.isfinite(stamps)])
+    return starts[~is_hour(stamps[starts] - stamps[starts - 1] - usual, usual)]
+
+
+def doubt_of_starts(table: Table, column: str, starts: np.ndarray) -> str:
+    """The sentence on a clock whose starts (m,) may be wraps of a counter; nothing where they cannot."""
+    period = may_be_counter(soft_numbers(table, column), starts)
+    if not period:
+        return ""
+    dated = column in table.dates or column in table.timed
+    counter = "" if dated else f"period = {period:g} under [clock] for a counter, or "
+    return (
+        f"the clock starts again at {rows_text(table, column, starts.tolist())}, each time after {period:g}: a counter "
+        f'that wraps, or another experiment; in a mapping, set {counter}experiment = "{brief(column)}" under [range] '
+        "for experiments"
     )
 
 

@@ -27,7 +27,7 @@ from sysid.channels.column import (
     unit_in_brackets,
 )
 from sysid.channels.conversion import COUNTS, convert, seconds
-from sysid.channels.experiments import column_of_experiments
+from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, list_names
 from sysid.channels.roles import (
     STRONG,
@@ -127,9 +127,10 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
-    part = Range(drive=switch.name if switch else "", experiment=experiments.name if experiments else "")
+    numbered = experiments.name if experiments else _experiments_of_clock(table, choice.unused, unclear, why)
+    part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
-    why += [f"column {part.experiment!r} numbers experiments: its name says so"] if part.experiment else []
+    why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments else []
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 
@@ -150,7 +151,7 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     if choice.clock is None and Ts is None:  # dates are often coarser than the samples
         choice = choose_clock({name: column for name, column in columns.items() if column.dated})
     if given.Ts is not None:
-        notes = _notes_on_unused_clock(choice.clock, columns, given.Ts) if not choice.unclear else []
+        notes = _notes_on_unused_clock(table, choice.clock, columns, given.Ts) if not choice.unclear else []
         unused = choice.clock.column if choice.clock is not None and len(columns) > 2 else ""
         return ClockChoice(Clock(Ts=given.Ts), notes, unused=unused)
     if choice.clock is None and Ts is not None:
@@ -168,7 +169,7 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     return choice
 
 
-def _notes_on_unused_clock(clock: Clock | None, columns: Columns, Ts: float) -> list[str]:
+def _notes_on_unused_clock(table: Table, clock: Clock | None, columns: Columns, Ts: float) -> list[str]:
     """A word about a clock that does not say what was given."""
     if clock is None:
         return []
@@ -177,7 +178,8 @@ def _notes_on_unused_clock(clock: Clock | None, columns: Columns, Ts: float) -> 
     step, notes = column.step * factor, []
     if abs(step - Ts) > 0.01 * Ts:
         notes.append(f"the sampling time is {Ts:g} s as given; column {column.name!r} steps by {step:.6g} s")
-    steps = np.diff(column.finite)
+    steps = np.diff(column.values)
+    steps[starts_of_clock(table, column.name) - 1] = column.step  # which are experiments of their own
     (jumps,) = np.nonzero((steps > LOST * column.step) | (steps < 0.0))
     if column.step > 0.0 and len(jumps):
         notes.append(
@@ -186,6 +188,18 @@ def _notes_on_unused_clock(clock: Clock | None, columns: Columns, Ts: float) -> 
             "looked after"
         )
     return notes
+
+
+def _experiments_of_clock(table: Table, column: str, unclear: list[str], why: list[str]) -> str:
+    """The clock that is not used, if it starts again: a sampling time that is given joins no two experiments."""
+    starts = starts_of_clock(table, column) if column else np.zeros(0, dtype=int)
+    if not len(starts):
+        return ""
+    if doubt := doubt_of_starts(table, column, starts):
+        unclear.append(f"column {column!r}: {doubt}")
+    rows = rows_text(table, column, starts.tolist())
+    why.append(f"column {column!r}, a clock that is not used, starts again at {rows}: experiments of their own")
+    return column
 
 
 def _guess_signals(

@@ -158,6 +158,9 @@ class Clock(_Part):
     column: Text = Field(default="", description='column of the time stamps; "" if there is none, then Ts is needed')
     unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min, h, day")
     wrap: Bits = Field(default=0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
+    period: Annotated[Number, Field(gt=0)] | None = Field(
+        default=None, description="[unit] after which a counter starts again that is no power of 2, such as 1000"
+    )
     Ts: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SHORTEST, le=SECONDS)] | None = Field(
         default=None, description="[s] sampling time of the record; left out: that of the stamps"
     )
@@ -168,9 +171,17 @@ class Clock(_Part):
             seconds(self.unit)
         except InputError as error:
             raise MappingError(("unit",), f"unit {error}") from None
-        if not self.column and self.wrap:
-            raise InputError(f"wrap is {self.wrap} and there is no column; name the column of the stamps")
+        for name, value in (("wrap", self.wrap), ("period", self.period)):
+            if not self.column and value:
+                raise InputError(f"{name} is {value:g} and there is no column; name the column of the stamps")
+        if self.wrap and self.period:
+            raise InputError(f"wrap is {self.wrap} and period is {self.period:g}; give one of the two")
         return self
+
+    @property
+    def turn(self) -> float:
+        """What the counter has counted [unit] when it starts again; 0: it never does."""
+        return 2.0**self.wrap if self.wrap else self.period or 0.0
 
 
 class Adc(_Part):
@@ -279,7 +290,9 @@ class Range(_Part):
     drive: Text = Field(
         default="", description="column that is 0 while the drive is off: each stretch that it is on is an experiment"
     )
-    experiment: Text = Field(default="", description="column that numbers experiments: each number is one of its own")
+    experiment: Text = Field(
+        default="", description="column that numbers experiments, or a clock that starts again with each"
+    )
     part: Annotated[Whole, Field(ge=1)] | None = Field(
         default=None, description="number of the experiment to keep, from 1; left out: all of them"
     )

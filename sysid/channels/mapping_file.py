@@ -16,6 +16,7 @@ from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, compl
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
 EXAMPLES = {
+    "period": "1000.0",
     "Ts": "0.01",
     "start": "0.0",
     "stop": "10.0",

@@ -113,23 +113,27 @@ def values_at(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def unwrap_counter(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, Correction]:
     """The counter as it would be without its wraps: a drop by more than half of the range is one."""
-    if not clock.wrap:
+    period = clock.turn
+    if not period:
         return values, Correction({}, "")
-    period = 2.0**clock.wrap
-    outside = ~within_counter(values, clock.wrap)
+    outside = ~within_counter(values, period)
     if outside.any():
         k = int(np.argmax(outside))
         raise table.error(
             clock.column,
             int(rows[k]),
             f"found {values[k]:.10g} in a counter of {clock.wrap} bits; set wrap of [clock] in the mapping to the bits "
-            "of the counter, or to 0 if it never starts again",
+            "of the counter, or to 0 if it never starts again"
+            if clock.wrap
+            else f"found {values[k]:.10g} in a counter that starts again after {period:g}; set period of [clock] in "
+            "the mapping to what it counts, or leave it out if it never starts again",
         )
     falls = np.diff(values) < -0.5 * period
     values = values + period * np.concatenate([[0.0], np.cumsum(falls)])
     count = int(falls.sum())
     times = "once" if count == 1 else f"{count} times"
-    words = f"the clock of {clock.wrap} bits started again {times}; undone"
+    kind = f"of {clock.wrap} bits" if clock.wrap else f"that counts to {period:g}"
+    words = f"the clock {kind} started again {times}; undone"
     return values, Correction({"wraps": count}, words, rows[1:][falls])
 
 
@@ -246,9 +250,14 @@ def _is_rounded(values: np.ndarray, fresh: np.ndarray) -> bool:
     return bool(len(repeats) >= NEAR and coarse > 0.5 * len(sample))
 
 
+def is_hour(difference: np.ndarray | float, usual: float) -> np.ndarray:
+    """Whether a step differs by about an hour from the `usual` one [s]."""
+    return np.asarray(np.abs(np.abs(difference) - HOUR) <= HOUR_TOLERANCE * (HOUR + usual))
+
+
 def note_on_change_of_clocks(table: Table, clock: Clock, step: float, usual: float) -> str:
     """What a step [s] between dates may be that is an hour off the `usual` one; else nothing."""
-    if clock.column not in table.local or not abs(abs(step - usual) - HOUR) <= HOUR_TOLERANCE * (HOUR + usual):
+    if clock.column not in table.local or not is_hour(step - usual, usual):
         return ""
     return f", about an hour, as a local clock makes at the change of clocks: {IN_UTC}"
 
@@ -264,7 +273,7 @@ def _change_of_clocks(table: Table, clock: Clock, values: np.ndarray) -> tuple[i
     steps, usual = np.diff(values), usual_step(values)
     if usual < SHORT:
         return None
-    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - HOUR) <= HOUR_TOLERANCE * (HOUR + usual)).tolist():
+    for k in np.flatnonzero(is_hour(steps - usual, usual)).tolist():
         low, high = sorted((values[k], values[k] + usual))
         if _clocks_may_change(table.local[clock.column], low, high):
             change = "more" if steps[k] > usual else "less"

@@ -45,11 +45,22 @@ SIBLINGS = {
 }
 
 
+STEPS = {
+    "restart alone": 0.02,
+    "milliseconds, never at 0, semicolons": 0.01,
+    "test numbers and a restart, tabs": 0.0025,
+}
+
+
 @pytest.mark.parametrize("name", SIBLINGS)
-def test_experiments_are_read_one_by_one(name, tmp_path):
+@pytest.mark.parametrize("clock", ["used", "not used"])
+def test_experiments_are_read_one_by_one(name, clock, tmp_path):
+    """Also where the sampling time is given, so that the clock is not used."""
     header, row, mark = SIBLINGS[name]
     records = parts((60, 60, 60))
-    record = read_record(write(tmp_path / "a.csv", header, records, row, mark))
+    given = {"Ts": STEPS.get(name, 0.02)} if clock == "not used" else {}
+    record = read_record(write(tmp_path / "a.csv", header, records, row, mark), **given)
+    assert not any("the first of -" in note for note in record.notes)
     assert record.data.lengths == (60, 60, 60)
     for part, (u, y) in zip(record.data.experiments, records, strict=True):
         np.testing.assert_allclose(part.u[:, 0], u, atol=1e-6)
@@ -78,18 +89,23 @@ def test_a_part_and_a_range_of_each(tmp_path):
     np.testing.assert_allclose(cut.y[21:, 0], records[1][1][10:31], atol=1e-6)
 
 
-def test_no_repair_joins_rows_over_a_restart(tmp_path):
+def test_no_repair_and_no_sampling_time_joins_rows_over_a_restart(tmp_path):
     """Neither as advised and written, nor as asked for."""
     path = write(tmp_path / "a.csv", ["ms", "u_V", "y_rad"], parts((50, 50, 50)), lambda k, i: (20 * i,))
-    with pytest.raises(InputError, match="starts again at rows 52, 102, each time after 1000") as refusal:
-        read_record(path)
-    assert "--ts" in str(refusal.value)
-    assert read_record(path, Ts=0.02).data.N == 150  # the remedy
+    for given in ({}, {"Ts": 0.02}):
+        with pytest.raises(InputError, match="starts again at rows 52, 102, each time after 1000"):
+            read_record(path, **given)
     found = inspect_file(path)
     assert found.mapping.repair.backward == "refuse"
     written = tmp_path / "m.toml"
     main(["info", str(path), "--write-map", str(written)])
-    assert 'backward = "drop"' not in (written.read_text() if written.exists() else "")
+    assert 'backward = "drop"' not in written.read_text()
+    counter = written.read_text().replace("# period = 1000.0", "period = 1000")
+    for remedy, lengths in ((counter, (150,)), ('[range]\nexperiment = "ms"\n', (50, 50, 50))):
+        written.write_text(remedy)
+        data = read_record(path, mapping=written).data
+        assert data.lengths == lengths
+        np.testing.assert_allclose(data.y[:, 0], np.concatenate([y for _, y in parts((50, 50, 50))]), atol=1e-6)
     written.write_text(
         '[clock]\ncolumn = "ms"\nunit = "ms"\n[[input]]\ncolumn = "u_V"\n[[output]]\ncolumn = "y_rad"\n'
         '[repair]\nbackward = "drop"\n'
