@@ -10,6 +10,7 @@ from sysid.channels.clock import digits_of_a_day, unit_of_clock
 from sysid.channels.column import column_of, label, numbers, parse_header, unit_in_brackets
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock, brief
+from sysid.channels.sign import with_sign
 from sysid.data.table import Table
 
 # Numbers that no channel has, and codes that an instrument writes for none.
@@ -164,7 +165,7 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
             f"found {x[np.argmax(bad)]:.6g}{rest}, far outside the others, as instruments write for an overflow or "
             "for no value; empty such cells, which are missing samples then, or remove the rows",
         )
-    if channel.signed:
+    if channel.signed or channel.sign_bit:
         x = _add_sign(table, channel, x)
     unit = convert(channel.unit)
     if not is_calibrated(channel) and channel.sign * unit.factor == 1.0:
@@ -204,13 +205,15 @@ def _calibrate(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: 
 
 
 def _add_sign(table: Table, channel: Channel, x: np.ndarray) -> np.ndarray:
-    """The words x (n,) of two's complement with their sign."""
-    size = 2.0**channel.signed
-    bad = np.isfinite(x) & ((x < -0.5 * size) | (x >= size) | (x != np.rint(x)))
+    """The words x (n,) with their sign."""
+    values, bad = with_sign(x, channel.signed, channel.sign_bit)
     if bad.any():
-        remedy = f"in a word of {channel.signed} bits; set signed of this channel in the mapping"
+        kind, entry = (f"a word of {channel.signed} bits", "signed")
+        if channel.sign_bit:
+            kind, entry = (f"a word whose sign is bit {channel.sign_bit}", "sign_bit")
+        remedy = f"in {kind}; set {entry} of this channel in the mapping"
         raise _error(table, channel, bad, f"found {x[np.argmax(bad)]:g} {remedy}")
-    return np.where(x >= 0.5 * size, x - size, x)
+    return values
 
 
 def _error(table: Table, channel: Channel, bad: np.ndarray, sentence: str) -> InputError:

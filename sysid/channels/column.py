@@ -141,6 +141,12 @@ class Column:
         return float(np.mean(np.abs(steps - self.step) <= 0.1 * self.step)) >= ALIKE
 
     @cached_property
+    def held(self) -> bool:
+        """Whether the column keeps its value from most rows to the next."""
+        steps = np.diff(self.finite)
+        return len(steps) > 0 and bool(np.median(np.abs(steps)) == 0)
+
+    @cached_property
     def nearly_constant(self) -> bool:
         """Whether it keeps its sign and stays within a third of its mean, as a supply does."""
         x = self.finite

@@ -39,7 +39,9 @@ from sysid.channels.roles import (
     clock_of_column,
     doubts_of_roles,
     switch_of,
+    uneven_time,
 )
+from sysid.channels.sign import sign_bit_of, with_sign
 from sysid.data.table import Table
 from sysid.formats import read_table
 
@@ -152,7 +154,7 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
         choice = choose_clock({name: column for name, column in columns.items() if column.dated})
     if given.Ts is not None:
         notes = _notes_on_unused_clock(table, choice.clock, columns, given.Ts) if not choice.unclear else []
-        unused = choice.clock.column if choice.clock is not None and len(columns) > 2 else ""
+        unused = choice.clock.column if choice.clock is not None else uneven_time(columns, signals)
         return ClockChoice(Clock(Ts=given.Ts), notes, unused=unused)
     if choice.clock is None and Ts is not None:
         doubt = doubt_of_stated(Ts, table, columns)
@@ -249,4 +251,11 @@ def _guess_channel(role: str, column: Column, why: list[str], remarks: dict[str,
         why.append(
             f"column {name!r} goes from {unit} to {conversion.unit or 'a plain number'}: its header names {unit}"
         )
-    return Channel(column=name, unit=unit, name=label(name, role, unit))
+    bit = sign_bit_of(column.values)
+    if bit:
+        x, values = column.finite, with_sign(column.finite, 0, bit)[0]
+        why.append(
+            f"bit {bit} of column {name!r} is read as its sign: {x.min():g} to {x.max():g} become {values.min():g} to "
+            f"{values.max():g}; if it is none, set sign_bit = 0 in [[{role}]] of a mapping"
+        )
+    return Channel(column=name, unit=unit, name=label(name, role, unit), sign_bit=bit)

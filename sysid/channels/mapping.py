@@ -212,8 +212,8 @@ class Adc(_Part):
 class Channel(_Part):
     """How the numbers of a column become a signal.
 
-    value = sign (scale x + offset) in `unit`, where x is the number in the file (after `signed`, `adc` and `times`).
-    Then the value is converted to SI.
+    value = sign (scale x + offset) in `unit`, where x is the number in the file (after `signed` or `sign_bit`, `adc`
+    and `times`). Then the value is converted to SI.
     """
 
     column: Text = Field(description="column of the file")
@@ -231,6 +231,9 @@ class Channel(_Part):
     signed: Bits = Field(
         default=0, description="bits of a two's complement word that was logged without its sign; 0: none"
     )
+    sign_bit: Annotated[Whole, Field(ge=0, le=31)] = Field(
+        default=0, description="bit, from 0, that says minus in a word of sign and magnitude, such as 15; 0: none"
+    )
     times: Text = Field(default="", description="column that multiplies the number, such as the supply of a duty")
     between: Literal["", "held", "line"] = Field(
         default="", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
@@ -240,6 +243,8 @@ class Channel(_Part):
     def _makes_sense(self) -> Self:
         if self.scale == 0:
             raise InputError("scale is 0, which makes a constant of the channel; give the value of one unit")
+        if self.signed and self.sign_bit:
+            raise InputError(f"signed is {self.signed} and sign_bit is {self.sign_bit}; give one of the two")
         if self.times and self.times == self.column:
             raise MappingError(
                 ("times",),

@@ -188,6 +188,14 @@ def _choose_clock_by_numbers(columns: Columns, choice: ClockChoice) -> None:
     choice.describe(column)
 
 
+def uneven_time(columns: Columns, named: Sequence[str | None]) -> str:
+    """One of two columns that rises in every row and has no telling name: uneven stamps, and no input by guess."""
+    if len(columns) != 2 or any(named):
+        return ""
+    rising = [c.name for c in columns.values() if np.all(np.diff(c.values) > 0) and _role_by_name(c) in ("", "none")]
+    return rising[0] if len(rising) == 1 else ""
+
+
 def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list[str]) -> Roles:
     """Input and output among the `columns` that are not the clock; None where it is unclear."""
     if set(SIGNALS_OF_LOG) <= set(columns):
@@ -219,6 +227,11 @@ def _is_exchanged(first: Column, second: Column, unclear: list[str]) -> bool:
     votes = (outputs[0] - inputs[0]) - (outputs[1] - inputs[1])
     # A column without a name of its own is called 1, 2, or M:1, M:2 of a matrix M.
     numbered = all(column.name.rpartition(":")[2].isdigit() for column in (first, second))
+    if votes == 0 and numbered and second.held and not first.held:
+        unclear.append(
+            f"column {second.name!r} stays in most rows, as an input does, and {first.name!r} moves, as an output "
+            f"does; name them with --input {second.name} --output {first.name}, or the other way round"
+        )
     if votes == 0 and not numbered:
         unclear.append(
             f"the names {first.name!r} and {second.name!r} do not say which is the input; name one with --input and "
@@ -367,7 +380,9 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         if len(frozen) == 1 and len(missing) == 1:
             remedy = f"record again while the {missing[0]} moves, or give a log that has it"
         return [f"{inventory}{clock}{frozen_note}, and no column that moves is left for the {left_open}; {remedy}"]
+    option = "--input or --output" if len(missing) == 2 else f"--{missing[0]}"
+    other = f"; if {clocks[0]} is no time, name it with {option}" if len(clocks) == 1 else ""
     return [
         f"{inventory}{clock}{omissions}: no column is left for the {left_open}; give a log that has an input and an "
-        "output, recorded together"
+        f"output, recorded together{other}"
     ]
