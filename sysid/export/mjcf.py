@@ -12,9 +12,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, ServoMotor, TravelMap
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
+from sysid.export.servo_loop import controller, missing_of_servo
 from sysid.model.wiring import identifier
 from sysid.motor_parts import TABLE
 
@@ -129,7 +130,7 @@ class _Parts:
         self.width = float(chain.part(theta, self.play)[0]) if self.play is not None else 0.0
         self.within = self.width * float(chain.part(theta, self.play)[1]) if self.play is not None else 0.0
         self.map_theta = chain.part(theta, self.travel) if self.travel is not None else None
-        Ts = fit.Ts
+        self.Ts = Ts = fit.Ts
         value = {name: self.motor.value(self.own, name) for name in self.names}
         self.speed = value["gain"] / Ts  # of the position, per volt
         self.lag, self.delay = value["lag"] * Ts, value["delay"] * Ts
@@ -166,6 +167,7 @@ class _Parts:
         if self.motor.sided:
             sentences.append("friction at rest that differs by direction: its mean is in lugre")
         sentences += [TABLE[part].words for part in self.motor.further]
+        sentences += missing_of_servo(self.motor, self.own) if isinstance(self.motor, ServoMotor) else []
         if self.motor.periodic:
             sentences.append("the periodic load over the angle: your link's weight takes its place")
         if len(self.motor.ends) == 1:
@@ -241,6 +243,8 @@ class _Parts:
         text += f'resistance="{constant / per_volt:.9g}" gear="1" ctrllimited="false" saturation="0 0 0" damping="0"'
         if self.stick > 0.0:
             text += f' lugre="{self._bristles(per_volt, inertia)}"'
+        if isinstance(self.motor, ServoMotor):
+            text += f" {controller(self.motor, self.own, self.Ts, per_volt, self.speed)}"
         steps = round(self.delay / STEP)
         return text + (f' delay="{steps * STEP:.3f}" nsample="{steps}"' if steps else "")
 

@@ -35,7 +35,7 @@ WORDS: dict[type, dict[str, str]] = {
         "loss": "friction proportional to the load",
         "jam": "jamming at a struck stop",
     },
-    ServoMotor: {"sag": "a supply that sags"},
+    ServoMotor: {"sag": "sagging of the supply"},
     Play: {"width": "backlash"},
     CoastingPlay: {"width": "backlash"},
 }

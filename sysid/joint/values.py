@@ -43,7 +43,8 @@ WORDS = {  # the physical values of an actuated joint as people call them
 
 @dataclass(frozen=True)
 class JointValue:
-    """A physical value with its interval; low and high are None where the data do not determine it.
+    """A physical value with its interval; low and high are None where the data do not determine it, and the value where
+    it was given.
 
     `determined`: whether the record bears the value; `why` says why not, or what shows it. Without a record there is
     only the information of the fit to judge by.
@@ -125,6 +126,9 @@ def joint_values(
     for name, (unit, read, least) in readings.items():
         value, row = read(fit.theta), rows[name]
         if not np.isfinite(value):
+            continue
+        if f"{motor_of(chain).role}.{name}" in chain.fixed:  # a gain that was given
+            values.append(JointValue(name, float(value), float(value), float(value), unit))
             continue
         half = plain(read)
         if row.determined and not (np.isfinite(half) and half > 0.0):

@@ -10,9 +10,9 @@ import pytest
 
 import sysid
 from sysid.base.errors import InputError
-from sysid.blocks import Motor, Play
+from sysid.blocks import Motor, Play, ServoMotor
 from sysid.export import mjcf
-from sysid.structures import actuated_joint
+from sysid.structures import actuated_joint, servo_joint
 from twin import fragment as fragments
 
 TS = 0.05
@@ -65,6 +65,42 @@ def test_motor_on_the_joint(name, torque_per_volt):
     assert np.ptp(found.chain) > 0.5
     # LuGre's bristles begin without deflection: a first break-away that friction nearly holds comes a sample early.
     assert found.share < (0.01 if name.startswith("stribeck") else 0.005)
+
+
+SERVO = PLAIN | {"gain": 0.3, "rise": 0.02, "fall": 0.02, "limit": 1.0, "kp": 3.0, "x0": 0.0}
+LOOPS = {
+    "p": SERVO,
+    "p that reaches its limit": SERVO | {"kp": 40.0},
+    "pd": SERVO | {"kd": 1.5, "kp": 5.0},
+    "pid": SERVO | {"kd": 1.0, "ki": 0.3, "i0": 0.0, "rise": 0.0005, "fall": 0.001},
+}
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_loop_of_a_servo(name):
+    """The drive's limit, kd and ki as well, in seconds; the goal is what the actuator takes.
+
+    At its limit the integral of MuJoCo's controller goes on, so that a PID is compared below it.
+    """
+    motor = ServoMotor(load=0, stops=False, loop=name.split(" ")[0])
+    fit = fit_of(servo_joint(motor=motor, play=False), **LOOPS[name])
+    goal = drawn(amplitude=0.02 if name == "pid" else 0.8)
+    found = share(fit, goal, torque_per_volt=2.0)
+    assert np.ptp(found.chain) > np.ptp(goal) / 2
+    assert found.share < 0.005
+    voltage = fit_of(actuated_joint(motor=Motor(load=0, stops=False), knots=None, play=False), **LOOPS[name])
+    assert share(voltage, goal, torque_per_volt=2.0).chain.std() != pytest.approx(found.chain.std(), rel=0.05)
+
+
+def test_what_a_loop_has_beyond_the_elements_is_named():
+    motor = ServoMotor(load=0, stops=False, dead=True, sags=True, loop="pid", held=True)
+    chain = servo_joint(motor=motor, play=False)
+    values = LOOPS["pid"] | {"dead": 0.01, "sag": 0.2}
+    left_out = " ".join(mjcf.fragment(fit_of(chain, **values), "knee").left_out)
+    assert all(words in left_out for words in ("dead band", "sagging", "integral", "once in a sample"))
+    none = " ".join(mjcf.fragment(fit_of(chain, **values | {"dead": 0.0, "sag": 0.0}), "knee").left_out)
+    assert "dead band" not in none
+    assert "sagging" not in none
 
 
 def test_plain_play():

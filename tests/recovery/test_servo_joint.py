@@ -13,6 +13,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
+from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.structures import ServoJoint, servo_joint
 
@@ -134,7 +135,10 @@ def test_a_record_below_full_duty_gives_what_it_can_and_the_rest_where_the_gain_
     y = simulated(joint, goal) + joint.noise * rng.normal(size=len(goal))
     data = IOData(goal, y, joint.Ts)
     motor = ServoMotor(load=0, stops=False)
-    known = values(sysid.fit(servo_joint(motor, False, fixed={"motor.kp": joint.kp}), data, search="lm"), joint)
+    given = sysid.fit(servo_joint(motor, False, fixed={"motor.kp": joint.kp}), data, search="lm")
+    shown = {value.name: value for value in joint_values(given, data=data)}["kp"]
+    assert (shown.low, shown.value, shown.high) == (joint.kp, joint.kp, joint.kp)
+    known = values(given, joint)
     for name, ratio in known.items():
         assert ratio == pytest.approx(1.0, abs=0.05), name
     fit = sysid.fit(servo_joint(motor, False), data, search="lm")

@@ -7,8 +7,10 @@ import numpy as np
 from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity, number, poles
+from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.drawing.figure import Figure
+from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import Signal, stack_figure
@@ -101,12 +103,18 @@ def _check_sentences(result: WrittenModel) -> list[str]:
     if result.torque_per_volt is None:
         texts.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
     texts += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
-    if not result.close:
+    if not result.close and not _is_servo(result):
         texts.append(
             "A joint with only the parts that MJCF has comes closer: give the log in place of the fit, "
             "qpal export LOG --mjcf."
         )
     return texts
+
+
+def _is_servo(result: WrittenModel) -> bool:
+    """Whether the joint is a servo's: a log of goals is none of voltages, so that no other joint grows from it."""
+    fit = result.source.fit
+    return isinstance(fit, Fit) and is_joint(fit.model) and isinstance(motor_of(fit.model), ServoMotor)
 
 
 def free_run_figure(result: WrittenModel) -> Figure:
