@@ -85,7 +85,7 @@ def _unit_by_name(column: Column, remedy: str) -> ClockUnit | None:
     if header.unit:
         if is_time(header.unit):
             return ClockUnit(header.unit, "its header says so")
-        return ClockUnit(None, f"{subject}, but its unit {header.unit!r} is no unit of time")
+        return ClockUnit(None, f"{subject}, but its unit {header.unit!r} is no unit of time; {remedy}")
     if text := unit_in_brackets(column.name):
         if is_time(text):
             return ClockUnit(text, "its header says so")
@@ -121,6 +121,8 @@ def _other_unit_since_1970(column: Column, unit: str) -> str:
 def _unit_by_size(column: Column) -> ClockUnit:
     """The only unit in which stamps count from 1970, or in which their steps are those of an actuator's log."""
     largest, step = float(np.abs(column.finite).max()), column.step
+    if not step:
+        return ClockUnit(None, f"column {column.name!r} never rises, as a clock does; give the sampling time with --ts")
     for unit, size in UNITS_SINCE_1970.items() if column.finite.min() > 0 and not counter_bits(column) else ():
         if SINCE_1970[0] <= largest * size <= SINCE_1970[1] and step * size <= STEPS[1]:
             return ClockUnit(unit, "its stamps count from 1970")

@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.channels.mapping import Channel, ChannelMap
+from sysid.channels.signals import most_samples
 from sysid.channels.stamps import Stamps, note_on_change_of_clocks, values_at
 from sysid.data.missing import fill, runs
 from sysid.data.table import Table
@@ -173,13 +174,15 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
     ends = grid.gaps[lengths > min(repair.longest_gap, int(lengths.max()) - 1), 0]
     starts, stops = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(stamps.t) - 1]])
     longest = sorted(np.argsort(stops - starts)[::-1][:MOST_PIECES])
-    pieces = [f"{stamps.t[starts[j]]:.6g}:{stamps.t[stops[j]]:.6g}" for j in longest if stops[j] > starts[j]]
+    pieces = [f"{stamps.t[starts[j]]:.10g}:{stamps.t[stops[j]]:.10g}" for j in longest if stops[j] > starts[j]]
+    can_fill = most_samples(len(stamps.t)) >= grid.N
     return table.error(
         clock.column,
         int(stamps.rows[k + 1]),
         f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
         f"{note_on_change_of_clocks(table, clock, step, grid.median)}; {reason}: cut it and keep one piece with "
-        f"--range {' or '.join(pieces)}, or set longest_gap and most_lost in [repair] of a mapping",
+        f"--range {' or '.join(pieces)}"
+        f"{', or set longest_gap and most_lost in [repair] of a mapping' if can_fill else ''}",
     )
 
 

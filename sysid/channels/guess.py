@@ -28,7 +28,7 @@ from sysid.channels.column import (
 )
 from sysid.channels.conversion import COUNTS, convert, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
-from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, list_names
+from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, brief, list_names
 from sysid.channels.roles import (
     STRONG,
     ClockChoice,
@@ -100,7 +100,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     if not columns:
         reason = misspelt_number(table, columns) or next(iter(table.undated.values()), "")
         message = f"no column holds numbers; found {list_names(table.names) or 'none'}"
-        raise InputError(f"{table.path}: {message}{f': {reason}' if reason else ''}")
+        cell = next((brief(str(cells[0])) for cells in table.columns if len(cells)), "")
+        form = f"such as {cell!r}; give one number a cell, parted by commas, semicolons, tabs or blanks"
+        raise InputError(f"{table.path}: {message}{f': {reason}' if reason else f', {form}' if cell else ''}")
     further = given.more or {}
     for name in (given.input, given.output, given.time, *chain.from_iterable(further.values())):
         if name is not None and name not in columns:

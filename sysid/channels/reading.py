@@ -218,7 +218,8 @@ def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray],
         if len(values) != len(columns[0]):
             raise InputError(
                 f"{table.path}: column {channels[0][1].column!r} has {len(columns[0])} samples and "
-                f"{channel.column!r} has {len(values)}; name two of one length"
+                f"{channel.column!r} has {len(values)}; name two of one length, or give a log that has both "
+                "in every sample"
             )
         if len(values) < 2:
             raise InputError(

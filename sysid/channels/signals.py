@@ -163,12 +163,17 @@ def common_text(texts: list[str]) -> str:
     return texts[0] if len(set(texts)) == 1 else ""
 
 
+def most_samples(stamps: int) -> int:
+    """As many samples as are made of so many stamps at most."""
+    return max(min(SAMPLES, FINER * stamps), stamps)
+
+
 def check_size(path: Path, N: float, stamps: int, Ts: float) -> None:
     """Raises InputError, before the memory is taken, for N samples every `Ts` [s] made of far fewer `stamps`."""
-    limit = min(SAMPLES, FINER * stamps)
-    if max(limit, stamps) < N:
+    if most_samples(stamps) < N:
         raise InputError(
-            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most {limit:,} are "
+            f"{path}: {stamps:,} stamps would become {N:,.0f} samples, one every {Ts:g} s, and at most "
+            f"{most_samples(stamps):,} are "
             "made of them; give a longer Ts in [clock] of the mapping, or keep a part without the gap with --range"
         )
 

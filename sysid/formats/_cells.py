@@ -239,8 +239,8 @@ def _line_by_line(path: Path, rows: Sequence[int], block: bytes, layout: Layout)
         row = trim(split(path, number, line, layout.separator), layout.width)
         if len(row) != layout.width:
             raise InputError(
-                f"{path}, row {number}: found {len(row)} cells where row {layout.first} has {layout.width}; "
-                "give every row the same number of columns"
+                f"{path}, row {number}: found {len(row)} cell{'s'[: len(row) - 1]} where row {layout.first} has "
+                f"{layout.width}; give every row the same number of columns"
             )
         cells_of_rows.append(row)
     return [polars.Series(str(j), [row[j] for row in cells_of_rows], polars.String) for j in range(layout.width)]

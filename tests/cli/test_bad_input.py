@@ -81,7 +81,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "empty cell": (["cell.csv", "--ts", "1"], ["cell.csv, row 17, column 'u'", "empty cell"]),
     "infinite": (["inf.csv", "--ts", "1"], ["inf.csv, row 17, column 'y'", "infinite"]),
     "huge": (["huge.csv", "--ts", "1"], ["huge.csv, row 17, column 'u'", "1e100", "unit"]),
-    "ragged": (["ragged.csv", "--ts", "1"], ["ragged.csv, row 17", "1 cells", "row 1 has 2"]),
+    "ragged": (["ragged.csv", "--ts", "1"], ["ragged.csv, row 17", "1 cell ", "row 1 has 2"]),
     "name twice": (["twice.csv", "--ts", "1"], ["twice.csv", "'u'", "rename"]),
     "constant input": (["constant_u.csv", "--ts", "1"], ["constant_u.csv", "input 'u' is 1.5", "200 samples"]),
     "constant output": (["constant_y.csv", "--ts", "1"], ["constant_y.csv", "output 'y' is 2.5", "200 samples"]),

@@ -53,7 +53,7 @@ LOGS: dict[str, Log] = {
     "four commas at the end": log("t,u,y,,,,\n" + ROWS.replace("\n", ",,,,\n")),
     "a tab at the end of each row": log("t\tu\ty\t\n" + TABS.replace("\n", "\t\n")),
     "a semicolon at the end of one row": log("t;u;y\n" + with_row(3, "0.2;-1;-0.5;", ROWS.replace(",", ";"))),
-    "one row with another separator": log("t,u,y\n" + with_row(3, "0.2;-1;-0.5"), refused("row 4", "1 cells")),
+    "one row with another separator": log("t,u,y\n" + with_row(3, "0.2;-1;-0.5"), refused("row 4", "1 cell ")),
     "names with another separator": log("t;u;y\n" + ROWS, refused("cells")),
     "two cells run together": log("t,u,y\n" + with_row(3, "0.2,-1-0.5"), refused("row 4", "2 cells")),
     "a sample on two lines": log("t,u,y\n" + with_row(3, "0.2,-1,\n-0.5"), refused("row")),
