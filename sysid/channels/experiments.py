@@ -114,7 +114,7 @@ def rows_text(table: Table, column: str, places: Sequence[int]) -> str:
     rows = table.rows[table.names.index(column)]
     more = f" and {len(places) - SHOWN} more" if len(places) > SHOWN else ""
     shown = ", ".join(str(rows[k]) for k in places[:SHOWN])
-    return f"{table.place}{'s' if len(places) > 1 else ''} {shown}{more}"
+    return f"{table.places(len(places))} {shown}{more}"
 
 
 def cut(table: Table, start: int, stop: int, n: int) -> Table:

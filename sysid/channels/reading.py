@@ -162,7 +162,7 @@ def _sample_pieces(table: Table, mapping: ChannelMap, pieces: list[tuple[int, in
     j = table.names.index(column)
     rows, n = table.rows[j], len(table.columns[j])
     kept = [(start, stop) for start, stop in pieces if stop - start >= SHORTEST] or pieces
-    spans = [f"{table.place}s {rows[start]} to {rows[stop - 1]}" for start, stop in kept]
+    spans = [f"{table.places(2)} {rows[start]} to {rows[stop - 1]}" for start, stop in kept]
     parts = []
     for start, stop in kept:
         parts.append(sample(cut(table, start, stop, n), alone(mapping)))

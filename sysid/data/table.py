@@ -149,6 +149,10 @@ class Table:
     timed: frozenset[str] = frozenset()
     local: Mapping[str, float] = field(default_factory=dict)
 
+    def places(self, count: int) -> str:
+        """The file's word for the numbers of so many cells."""
+        return self.place if count == 1 else "entries" if self.place == "entry" else f"{self.place}s"
+
     def numbers(self, name: str) -> np.ndarray:
         """Column `name` (n,) as float64; raises InputError that names the first cell that is not finite."""
         if name not in self.names:

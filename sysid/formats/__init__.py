@@ -19,6 +19,7 @@ from sysid.data.table import Table
 from sysid.formats import _sandbox
 from sysid.formats._dates import read_dates, with_days
 from sysid.formats._format import Format
+from sysid.formats._stack import stacked
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -56,7 +57,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
         table = replace(table, meta={**_meta(header), **table.meta})
-        return with_days(table, read_dates(table))
+        return stacked(with_days(table, read_dates(table)))
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"

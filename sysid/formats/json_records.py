@@ -117,6 +117,10 @@ class _Columns:
             samples = [
                 {f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries
             ]
+        elif all(map(_is_experiment, entries)) and len(entries) < min(map(_length, entries)):
+            for k, entry in enumerate(entries, start=1):
+                self._object(f"{prefix or 'experiment'}({k})", entry, {})
+            return
         else:
             samples = [dict(_flat(prefix, entry or {})) for entry in entries]
             self._check_forms(samples, rows)
@@ -268,6 +272,17 @@ def _as_list(value: Any) -> Any:
 
 def _is_signal(value: list[Any]) -> bool:
     return bool(value) and (isinstance(value[0], dict | list) or any(isinstance(e, int | float) for e in value))
+
+
+def _is_experiment(entry: Any) -> bool:
+    """Whether an entry of a list is no sample but a record: columns of one length, or a list of samples."""
+    lists = [value for value in entry.values() if isinstance(value, list)] if isinstance(entry, dict) else []
+    samples = len(lists) == 1 and _all(lists[0], dict)
+    return samples or (len(lists) > 1 and len(set(map(len, lists))) == 1 and all(map(_is_signal, lists)))
+
+
+def _length(entry: dict[str, Any]) -> int:
+    return max(len(value) for value in entry.values() if isinstance(value, list))
 
 
 def _all(value: Any, kind: type) -> bool:

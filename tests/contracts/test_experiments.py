@@ -1,9 +1,11 @@
 """Several experiments in one file: a clock that starts again, a column that numbers them; and what is none."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.io
 
 import sysid
 from sysid.base.errors import InputError
@@ -112,6 +114,71 @@ def test_no_repair_and_no_sampling_time_joins_rows_over_a_restart(tmp_path):
     )
     with pytest.raises(InputError, match="counter that wraps, or another experiment"):
         sysid.read_signals(path, read_map(written))
+
+
+def one_file(kind, path, records):
+    """The records as a program writes several: lists of tests in JSON, structs and cells in MATLAB."""
+    tests = [{"t": (0.02 * np.arange(len(u))).tolist(), "u": u.tolist(), "y": y.tolist()} for u, y in records]
+    arrays = [{name: np.array(values) for name, values in test.items()} for test in tests]
+    if kind == "a list":
+        path.write_text(json.dumps([{"name": f"no. {k}", **test} for k, test in enumerate(tests)]))
+    elif kind == "a list with samples":
+        samples = [[dict(zip("tuy", row, strict=True)) for row in zip(*test.values(), strict=True)] for test in tests]
+        path.write_text(
+            json.dumps({"rig": "A", "tests": [{"id": k, "samples": each} for k, each in enumerate(samples)]})
+        )
+    elif kind == "objects":
+        path.write_text(json.dumps({f"trial_{k}": test for k, test in enumerate(tests)}))
+    elif kind == "a line each":
+        path.write_text("\n".join(json.dumps({"episode": k, **test}) for k, test in enumerate(tests)))
+    elif kind == "a struct array":
+        structs = np.zeros(len(tests), dtype=[(name, object) for name in "tuy"])
+        for k, test in enumerate(arrays):
+            structs[k] = tuple(test.values())
+        scipy.io.savemat(path, {"tests": structs})
+    elif kind == "structs":
+        scipy.io.savemat(path, {f"run{k}": test for k, test in enumerate(arrays)})
+    else:
+        cells = np.empty(len(tests), dtype=object)
+        cells[:] = arrays
+        scipy.io.savemat(path, {"exp": cells, "rate": 50.0})
+    return path
+
+
+KINDS = {
+    **dict.fromkeys(("a list", "a list with samples", "objects"), ".json"),
+    "a line each": ".jsonl",
+    **dict.fromkeys(("a struct array", "structs", "cells"), ".mat"),
+}
+
+
+@pytest.mark.parametrize("lengths", [(60, 80, 100), (70, 70, 70)])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_program_that_writes_several_experiments(kind, lengths, tmp_path):
+    records = parts(lengths)
+    record = read_record(one_file(kind, tmp_path / f"a{KINDS[kind]}", records))
+    assert record.data.lengths == lengths
+    for part, (u, y) in zip(record.data.experiments, records, strict=True):
+        np.testing.assert_allclose(part.u[:, 0], u, atol=1e-12)
+        np.testing.assert_allclose(part.y[:, 0], y, atol=1e-12)
+
+
+def test_what_is_recorded_together_is_one_experiment(tmp_path):
+    """Two joints of one log, and samples with vectors."""
+    records = parts((70, 70))
+    t = 0.02 * np.arange(70)
+    joints = {f"joint{k}": {"t": t, "u": u, "y": y} for k, (u, y) in enumerate(records)}
+    scipy.io.savemat(tmp_path / "a.mat", joints)
+    record = read_record(tmp_path / "a.mat", input="joint1.u", output="joint1.y", Ts=0.02)
+    assert record.data.lengths == (70,)
+    np.testing.assert_allclose(record.data.u[:, 0], records[1][0], atol=1e-12)
+    samples = [
+        {"t": float(t[k]), "goal": [u[k] for u, _ in records] * 6, "angle": [y[k] for _, y in records] * 6}
+        for k in range(70)
+    ]
+    (tmp_path / "a.json").write_text(json.dumps(samples))
+    record = read_record(tmp_path / "a.json", input="goal[1]", output="angle[1]")
+    assert record.data.lengths == (70,)
 
 
 NEIGHBOURS = {

@@ -1,0 +1,65 @@
+"""Columns that stand once for each experiment, as test(1).u and test(2).u do, as one, and a column of their numbers."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sysid.data.table import Table
+
+EXPERIMENT = "experiment"  # the column that numbers them
+NAMES = re.compile(r"(episode|trial|exp|experiment|rep|repetition|session|segment|versuch|run|test)s?", re.IGNORECASE)
+FEWEST = 2  # columns of an experiment
+
+
+def stacked(table: Table) -> Table:
+    """The table with one column a field where all columns are GROUP.field, of groups that differ by a number alone.
+
+    Groups may also be joints that were recorded together: they are experiments where their names say so, or where they
+    differ in length, which what is recorded together does not. Other tables as they are.
+    """
+    groups: dict[str, dict[str, int]] = {}
+    for j, name in enumerate(table.names):
+        group, _, field = name.rpartition(".")
+        groups.setdefault(group, {})[field] = j
+    stems = {re.sub(r"\d+", "#", group, count=1) for group in groups}
+    first = next(iter(groups.values()), {})
+    if len(groups) < 2 or len(stems) != 1 or "#" not in (stem := stems.pop()):
+        return table
+    if len(first) < FEWEST or any(list(group) != list(first) for group in groups.values()):
+        return table
+    lengths = [{len(table.columns[j]) for j in group.values()} for group in groups.values()]
+    if any(len(each) != 1 for each in lengths):
+        return table
+    sizes = [each.pop() for each in lengths]
+    said = NAMES.fullmatch(stem.rpartition(".")[2].partition("#")[0].strip("({[_ -"))
+    return _stack(table, groups, sizes) if said or len(set(sizes)) > 1 else table
+
+
+def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) -> Table:
+    fields = list(next(iter(groups.values())))
+    places = {field: [group[field] for group in groups.values()] for field in fields}
+    columns = [np.concatenate([np.asarray(table.columns[j]) for j in places[field]]) for field in fields]
+    rows: list[Any] = [np.concatenate([np.asarray(table.rows[j]) for j in places[field]]) for field in fields]
+    number = np.repeat(np.arange(1.0, len(sizes) + 1.0), sizes)
+    names, shown = list(groups), f"{next(iter(groups))} to {list(groups)[-1]}"
+    units = {
+        field: table.units[table.names[places[field][0]]]
+        for field in fields
+        if table.names[places[field][0]] in table.units
+    }
+    timed = frozenset(field for field in fields if all(table.names[j] in table.timed for j in places[field]))
+    note = f"read {len(names)} experiments, {shown}: their columns are {', '.join(fields)}"
+    return replace(
+        table,
+        names=(*fields, EXPERIMENT),
+        columns=(*columns, number),
+        rows=(*rows, rows[0]),
+        units=units,
+        notes=(*table.notes, note),
+        timed=timed,
+        local={},
+        dates={},
+        undated={},
+    )
