@@ -26,8 +26,17 @@ class Wraps:
 
 
 def turn_of(data: IOData) -> float:
-    """A turn in the unit of the output: 360 in degrees, else 2 pi."""
-    return 360.0 if data.y_unit in DEGREES else 2.0 * math.pi
+    """A turn in the unit of the output: 360 in degrees, 2 pi in another unit.
+
+    Of an output without a unit it is a guess: 4096 counts, as bus servos have (data sheets of the Feetech STS3215 and
+    the Dynamixel X series), for whole numbers that leave 0 to 360, and 360 for others beyond four turns of radians.
+    """
+    if data.y_unit:
+        return 360.0 if data.y_unit in DEGREES else 2.0 * math.pi
+    y = data.y[:, 0]
+    if np.all(y == np.rint(y)) and (y.min() < -360.0 or y.max() > 360.0):
+        return 4096.0
+    return 360.0 if np.ptp(y) > 8.0 * math.pi else 2.0 * math.pi
 
 
 @checked(deferred=("turn",))

@@ -23,7 +23,8 @@ from sysid.workflow.next_step import advice_after_fit, next_step
 from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
 from sysid.workflow.record import Record, read_record, with_places, without_wraps
 from sysid.workflow.results import Evaluation, Identification, named_channels
-from sysid.workflow.setting import Setting, in_unit_of, with_servo
+from sysid.workflow.servo import with_servo, with_turn
+from sysid.workflow.setting import Setting, in_unit_of
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
 
@@ -94,6 +95,7 @@ def identify_file(
         if isinstance(setting, Setting):
             recipe, records[0] = in_unit_of(records[0], setting.recipe)
             recipe, records[0] = with_servo(recipe, [*records, *validation_records])
+            records[0] = with_turn(recipe, records[0])
             setting = replace(setting, recipe=recipe)
         if isinstance(setting, Setting) and setting.recipe.moves:
             records, validation_records = ([with_places(r) for r in rs] for rs in (records, validation_records))

@@ -1,7 +1,6 @@
 """Setting: the model to fit, how, and what is known of it before (parameters held or bounded, a fit to start from)."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,6 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.rates import same_rate
 from sysid.block.block import StaticBlock
 from sysid.blocks import STATIC, Channels, StateSpace
-from sysid.blocks.servo_motor import LOOPS
 from sysid.channels.conversion import convert
 from sysid.data.record import IOData
 from sysid.estimation.objective import Objective
@@ -22,7 +20,7 @@ from sysid.fitting import load
 from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.solver.searches import TABLE as SEARCHES
-from sysid.structures import HammersteinWiener, ServoJoint
+from sysid.structures import HammersteinWiener
 from sysid.workflow.record import Record
 
 MOST = 12  # names of one block in a sentence
@@ -295,32 +293,6 @@ def in_unit_of(record: Record, recipe: Recipe) -> tuple[Recipe, Record]:
     verb = "counts" if len(changed_names) == 1 else "count"
     note = f"{names} {verb} in the unit of column {record.output!r}, {unit}"
     return scaled_recipe, replace(record, remarks=(*record.remarks, note))
-
-
-def with_servo(recipe: Recipe, records: Sequence[Record]) -> tuple[Recipe, Record]:
-    """A servo joint of which nothing is given with the loop and the gains in the headers of its logs, which `qpal rig`
-    reads from the servo, and the first record with a note on them.
-
-    Raises InputError for logs of different loops, and for a header that is damaged.
-    """
-    first = records[0]
-    told = [record.header.get("servo") for record in records]
-    if not isinstance(recipe, ServoJoint) or not isinstance(told[0], dict):
-        return recipe, first
-    if recipe != ServoJoint(turn=recipe.turn, load=recipe.load, supply=recipe.supply, output_map=recipe.output_map):
-        return recipe, first
-    loops = [{name: (t if isinstance(t, dict) else {}).get(name) for name in ("loop", "kp")} for t in told]
-    other = next((record for record, loop in zip(records, loops, strict=True) if loop != loops[0]), None)
-    if other is not None:
-        raise InputError(
-            f"{other.path} was recorded with other gains of the servo than {first.path}; identify them apart"
-        )
-    loop, kp = loops[0]["loop"], loops[0]["kp"]
-    if loop not in LOOPS or not (kp is None or (isinstance(kp, int | float) and 0.0 < kp < np.inf)):
-        raise InputError(f"the header has the servo's loop {loops[0]}; correct it, or give --loop and --kp")
-    gain = "an unknown kp" if kp is None else f"kp {kp:.4g}"
-    note = f"the header names the servo's loop: {loop.upper()}, {gain} (shares of its largest drive per rad)"
-    return replace(recipe, loop=loop, kp=kp), replace(first, remarks=(*first.remarks, note))
 
 
 def _numbers(recipe: Recipe) -> dict[str, Any]:
