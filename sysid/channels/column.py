@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Container
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,13 +83,15 @@ class Column:
     """A column of a table: `values` (n,) with nan for cells that are no numbers; `finite` are the others.
 
     `dated` columns held dates or times of day, which were read as seconds; `timed` ones are
-    times by their type in the file, in seconds whatever their name says.
+    times by their type in the file, in seconds whatever their name says. `blank` cells have no value, as those of a
+    column do that has a rate of its own: they are counted where few cells are numbers.
     """
 
     header: Header
     values: np.ndarray
     dated: bool = False
     timed: bool = False
+    blank: int = 0
 
     @property
     def name(self) -> str:
@@ -104,8 +106,10 @@ class Column:
 
     @cached_property
     def numeric(self) -> bool:
-        """Whether most cells are numbers."""
-        return len(self.values) > 0 and 2 * len(self.finite) >= len(self.values)
+        """Whether most cells are numbers, or all that have a value are."""
+        if len(self.values) > 0 and 2 * len(self.finite) >= len(self.values):
+            return True
+        return not self.constant and len(self.finite) + self.blank == len(self.values)
 
     @cached_property
     def constant(self) -> bool:
@@ -175,7 +179,17 @@ class Column:
 def column_of(table: Table, name: str) -> Column:
     """One column of a table, whatever it holds."""
     header = parse_header(name, table.units.get(name, ""))
-    return Column(header, soft_numbers(table, name), name in table.dates, name in table.timed)
+    values = soft_numbers(table, name)
+    column = Column(header, values, name in table.dates, name in table.timed)
+    return column if column.numeric else replace(column, blank=_count_blank(table, name, values))
+
+
+def _count_blank(table: Table, name: str, values: np.ndarray) -> int:
+    """How many cells have no value, among those that are no numbers (n,) in `values`."""
+    cells = table.columns[table.names.index(name)]
+    if isinstance(cells, np.ndarray):
+        return int(np.isnan(values).sum())
+    return sum(cell.strip().lower() in EMPTY for cell in cells)
 
 
 def numeric_columns(table: Table) -> dict[str, Column]:

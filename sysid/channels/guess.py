@@ -14,6 +14,7 @@ from sysid.channels.clock import (
     contradiction_of_header,
     contradictions_of_comments,
     doubt_of_stated,
+    is_named_clock,
     stated_sampling_time,
 )
 from sysid.channels.column import (
@@ -26,7 +27,7 @@ from sysid.channels.column import (
     soft_numbers,
     unit_in_brackets,
 )
-from sysid.channels.conversion import COUNTS, convert, seconds
+from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, brief, list_names
 from sysid.channels.roles import (
@@ -107,10 +108,11 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     for name in (given.input, given.output, given.time, *chain.from_iterable(further.values())):
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
-    choice = _guess_clock(table, columns, given)
+    timed, others = _columns_with_output(table, columns, given)
+    choice = _guess_clock(table, timed, given)
     why, unclear, remarks = choice.why, choice.unclear, choice.remarks
     clock = choice.clock or Clock()
-    times = (clock.column, choice.unused, *choice.same)
+    times = (clock.column, choice.unused, *choice.same, *others)
     signals = {name: column for name, column in columns.items() if name not in times and not column.dated}
     experiments = column_of_experiments(signals)
     if experiments is not None and experiments.name not in (given.input, given.output):
@@ -138,11 +140,33 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 
+def _columns_with_output(table: Table, columns: Columns, given: Given) -> tuple[Columns, set[str]]:
+    """The columns that have the output's clock, where columns have clocks of their own, and those that show a time of
+    others; else all, and none.
+    """
+    clocks = set(table.clocks.values())
+    if len(clocks) < 2:
+        return columns, set()
+    stamps = {name for name, c in columns.items() if is_named_clock(c.header) and (c.rising or is_time(c.header.unit))}
+    signals = {name: column for name, column in columns.items() if name not in clocks | stamps}
+    column = _guess_signals(table, columns, signals, given, [], [])["output"]
+    output = column.name if column is not None else ""
+    if output not in table.clocks:
+        return columns, set()
+    mine = {n: c for n, c in columns.items() if table.clocks[output] in (n, table.clocks.get(n))}
+    return mine, (clocks | stamps) - set(mine)
+
+
 def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     """The clock as it is given, or as the columns and the header of the file show it."""
     if given.time is not None:
         try:
             choice = clock_of_column(columns[given.time], given.time_unit)
+        except KeyError:
+            raise InputError(
+                f"{table.path}: --time is {given.time!r}, which is not the clock of the output; name one of "
+                f"{list_names([n for n in columns if is_named_clock(columns[n].header)])}"
+            ) from None
         except InputError as error:
             raise InputError(f"{table.path}: {error}") from None
         assert choice.clock is not None

@@ -1,6 +1,7 @@
 """From a file to a uniform record: cells become columns, columns channels, rows samples, one stage after the other.
 
-The stages of `sample`: bind the mapping to the columns of the table; keep the rows of its range; read the channels in
+The stages of `sample`: bind the mapping to the columns of the table; bring columns of several rates to the rows of the
+output; keep the rows of its range; read the channels in
 SI; drop rows without values at both ends; time the rows by stamps and a grid; place every channel on the grid; tell
 what was corrected; change the sampling time. A table that holds several experiments is split before the range, which
 counts in each.
@@ -21,6 +22,7 @@ from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, valu
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
 from sysid.channels.mapping_file import read_map
+from sysid.channels.rates import at_output
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
 from sysid.channels.stamps import read_stamps
@@ -111,9 +113,10 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
         mapping = mapping.model_copy(update={"other": other})
     check_mapping(table, mapping)
+    table, rate_notes = at_output(table, mapping)
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
-    notes = (*notes, *unit_notes, *([dates] if dates else []))
+    notes = (*notes, *rate_notes, *unit_notes, *([dates] if dates else []))
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
         return _sample_pieces(table, mapping, pieces, notes)

@@ -131,7 +131,8 @@ class Table:
     `comments` are the lines above a table of text, without their marks. `dates` says of a column of dates how it became
     seconds; `undated` why one was not read: it stayed text. `timed` are the columns whose type in the file is a time:
     they are in seconds whatever their names say. `local` are columns of dates and times of day without an offset from
-    UTC, with the seconds since 1970 at which they are 0, nan for a time of day.
+    UTC, with the seconds since 1970 at which they are 0, nan for a time of day. `clocks` names the column of the time
+    stamps of each column, where these have clocks of their own, which count from one origin.
     """
 
     path: Path
@@ -148,6 +149,11 @@ class Table:
     undated: Mapping[str, str] = field(default_factory=dict)
     timed: frozenset[str] = frozenset()
     local: Mapping[str, float] = field(default_factory=dict)
+    clocks: Mapping[str, str] = field(default_factory=dict)
+
+    def length(self, name: str) -> int:
+        """Number of cells of a column."""
+        return len(self.columns[self.names.index(name)])
 
     def places(self, count: int) -> str:
         """The file's word for the numbers of so many cells."""

@@ -30,6 +30,7 @@ class Arrays:
         self.units: dict[str, str] = {}
         self.meta: dict[str, Any] = {}
         self.notes: list[str] = []
+        self.clocks: dict[str, str] = {}
         self._dates: list[str] = []
         self._timed: list[str] = []
         self._local: dict[str, float] = {}
@@ -99,6 +100,7 @@ class Arrays:
             notes=tuple(self.notes),
             timed=frozenset(self._timed),
             local=self._local,
+            clocks=self.clocks,
         )
 
     def _units(self) -> dict[str, str]:

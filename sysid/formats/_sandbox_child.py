@@ -44,6 +44,7 @@ def write_answer(file: int, table: Table | None, **content: Any) -> None:
             "notes": table.notes,
             "timed": sorted(table.timed),
             "local": dict(table.local),
+            "clocks": dict(table.clocks),
         }
     text = json.dumps(content).encode()
     _write_all(file, text + len(text).to_bytes(_TAIL, "little"))
@@ -73,6 +74,7 @@ def read_answer(file: int, path: Path) -> dict[str, Any]:
             notes=tuple(table["notes"]),
             timed=frozenset(table["timed"]),
             local=table["local"],
+            clocks=table["clocks"],
         )
     return content
 

@@ -122,6 +122,7 @@ def _add_structure_with_time(arrays: Arrays, name: str, tree: dict[str, Tree]) -
     if time.size:  # empty where the model logs without time
         arrays.column(f"{name}.time", time.ravel())
         arrays.units[f"{name}.time"] = "s"
+    before = set(arrays.columns)
     labels = [_label(signal.get("label"), k, len(signals)) for k, signal in enumerate(signals, start=1)]
     for k, (label, signal) in enumerate(zip(labels, signals, strict=True), start=1):
         values = signal["values"]
@@ -133,6 +134,8 @@ def _add_structure_with_time(arrays: Arrays, name: str, tree: dict[str, Tree]) -
                 arrays.column(f"{column}:{j + 1}", values[:, j])
         else:
             _add(arrays, column, values)
+    if time.size:
+        arrays.clocks |= {column: f"{name}.time" for column in arrays.columns if column not in before}
     return True
 
 

@@ -114,6 +114,7 @@ def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
         )
     start = min(min(topic.times) for topic in topics.values())
     columns: dict[str, np.ndarray] = {}
+    clocks: dict[str, str] = {}
     seconds = []
     for name, topic in topics.items():
         if topic.columns:
@@ -124,6 +125,7 @@ def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
             stamp = field in topic.stamps
             columns[column] = (np.array(values) - start) / SECOND if stamp else np.array(values)
             seconds += [column] if stamp else []
+            clocks[column] = f"{name}.time"
     notes.append(f"times are seconds since the first message, at {start} ns since 1970")
     return Table(
         path,
@@ -134,6 +136,7 @@ def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
         units=units_of(columns) | dict.fromkeys(seconds, "s"),
         meta={"start_ns": start},
         notes=tuple(notes),
+        clocks=clocks,
     )
 
 
