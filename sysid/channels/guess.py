@@ -30,6 +30,7 @@ from sysid.channels.column import (
 from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, brief, list_names
+from sysid.channels.order import oldest_first
 from sysid.channels.roles import (
     STRONG,
     ClockChoice,
@@ -97,6 +98,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     """
     if not isinstance(table, Table):
         table = read_table(table)
+    table = oldest_first(table)
     columns = numeric_columns(table)
     if not columns:
         reason = misspelt_number(table, columns) or next(iter(table.undated.values()), "")
@@ -109,8 +111,15 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
     timed, others = _columns_with_output(table, columns, given)
-    choice = _guess_clock(table, timed, given)
+    if given.time in others and given.time in table.clocks.values():
+        raise InputError(
+            f"{table.path}: --time is {given.time!r}, which is not the clock of the output; name one of "
+            f"{list_names([name for name in timed if is_named_clock(columns[name].header)])}"
+        )
+    choice = _guess_clock(table, columns if given.time is not None else timed, given)
     why, unclear, remarks = choice.why, choice.unclear, choice.remarks
+    if choice.clock is not None and choice.clock.column in table.joined:
+        why[:] = [f"columns {list_names(table.joined[choice.clock.column])} are one clock, in s"]
     clock = choice.clock or Clock()
     times = (clock.column, choice.unused, *choice.same, *others)
     signals = {name: column for name, column in columns.items() if name not in times and not column.dated}
@@ -141,20 +150,24 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
 
 
 def _columns_with_output(table: Table, columns: Columns, given: Given) -> tuple[Columns, set[str]]:
-    """The columns that have the output's clock, where columns have clocks of their own, and those that show a time of
-    others; else all, and none.
+    """The columns that have the output's clock, where columns have clocks of their own, and those that show a time
+    otherwise; else all, and none. A clock that was made of two columns stands for these.
     """
     clocks = set(table.clocks.values())
-    if len(clocks) < 2:
-        return columns, set()
-    stamps = {name for name, c in columns.items() if is_named_clock(c.header) and (c.rising or is_time(c.header.unit))}
-    signals = {name: column for name, column in columns.items() if name not in clocks | stamps}
-    column = _guess_signals(table, columns, signals, given, [], [])["output"]
-    output = column.name if column is not None else ""
-    if output not in table.clocks:
-        return columns, set()
-    mine = {n: c for n, c in columns.items() if table.clocks[output] in (n, table.clocks.get(n))}
-    return mine, (clocks | stamps) - set(mine)
+    parts = {name for pair in table.joined.values() for name in pair}
+    mine, others = {name: column for name, column in columns.items() if name not in parts}, parts
+    if len(clocks) > 1:
+        named = {name for name, column in mine.items() if is_named_clock(column.header)}
+        stamps = {name for name in named if mine[name].rising or is_time(mine[name].header.unit)} | set(table.joined)
+        signals = {name: column for name, column in mine.items() if name not in clocks | stamps}
+        column = _guess_signals(table, mine, signals, given, [], [])["output"]
+        if column is not None and column.name in table.clocks:
+            clock = table.clocks[column.name]
+            mine = {name: c for name, c in mine.items() if clock in (name, table.clocks.get(name))}
+            others = parts | (clocks | stamps) - set(mine)
+    joined = {name: column for name, column in mine.items() if name in table.joined}
+    others |= set(table.joined) if joined else set()
+    return joined or mine, others
 
 
 def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
@@ -162,11 +175,6 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     if given.time is not None:
         try:
             choice = clock_of_column(columns[given.time], given.time_unit)
-        except KeyError:
-            raise InputError(
-                f"{table.path}: --time is {given.time!r}, which is not the clock of the output; name one of "
-                f"{list_names([n for n in columns if is_named_clock(columns[n].header)])}"
-            ) from None
         except InputError as error:
             raise InputError(f"{table.path}: {error}") from None
         assert choice.clock is not None

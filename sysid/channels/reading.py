@@ -22,6 +22,7 @@ from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, valu
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
 from sysid.channels.mapping_file import read_map
+from sysid.channels.order import oldest_first
 from sysid.channels.rates import at_output
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
@@ -107,6 +108,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
+    table = oldest_first(table)
     mapping, guessed = complete(table, mapping)
     notes, drive = (*notes, *guessed), mapping.range.drive
     if drive and drive not in (channel.column for channel in mapping.other):

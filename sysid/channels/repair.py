@@ -54,8 +54,12 @@ def without_rows(kind: str, rows: np.ndarray, words: str) -> Correction:
 
 def keep_rows(table: Table, keep: np.ndarray) -> Table:
     """The table with the marked rows (n,) alone; columns of another length are left out."""
-    chosen = np.flatnonzero(keep)
-    complete = [j for j, cells in enumerate(table.columns) if len(cells) == len(keep)]
+    return take_rows(table, np.flatnonzero(keep), len(keep))
+
+
+def take_rows(table: Table, chosen: np.ndarray, n: int) -> Table:
+    """The table with the rows `chosen` (m,) of n in this order; columns of another length are left out."""
+    complete = [j for j, cells in enumerate(table.columns) if len(cells) == n]
     columns = tuple(_chosen_cells(table.columns[j], chosen) for j in complete)
     distinct_rows = {id(table.rows[j]): table.rows[j] for j in complete}  # most files have one for all columns
     numbers = {key: np.asarray(rows)[chosen] for key, rows in distinct_rows.items()}

@@ -132,7 +132,8 @@ class Table:
     seconds; `undated` why one was not read: it stayed text. `timed` are the columns whose type in the file is a time:
     they are in seconds whatever their names say. `local` are columns of dates and times of day without an offset from
     UTC, with the seconds since 1970 at which they are 0, nan for a time of day. `clocks` names the column of the time
-    stamps of each column, where these have clocks of their own, which count from one origin.
+    stamps of each column, where these have clocks of their own, which count from one origin. `joined` are the clocks
+    that were made of two columns, with their names.
     """
 
     path: Path
@@ -150,6 +151,7 @@ class Table:
     timed: frozenset[str] = frozenset()
     local: Mapping[str, float] = field(default_factory=dict)
     clocks: Mapping[str, str] = field(default_factory=dict)
+    joined: Mapping[str, tuple[str, str]] = field(default_factory=dict)
 
     def length(self, name: str) -> int:
         """Number of cells of a column."""

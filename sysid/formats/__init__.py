@@ -17,8 +17,10 @@ from sysid.base.errors import InputError
 from sysid.base.files import atomic_file, check_regular_file
 from sysid.data.table import Table
 from sysid.formats import _sandbox
+from sysid.formats._clock_parts import with_joined_clocks
 from sysid.formats._dates import read_dates, with_days
 from sysid.formats._format import Format
+from sysid.formats._long_table import pivoted
 from sysid.formats._stack import stacked
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
@@ -40,7 +42,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
     """The columns of the file at `path`, or the folder of a bag, read in the format for its suffix in `TABLE`.
 
     `meta` of the table holds what the writer said of the record, as far as it is a JSON object. Dates and times of
-    day become seconds since their first cell; `dates` and `undated` say how, or why not.
+    day become seconds since their first cell; `dates` and `undated` say how, or why not. A table of time, name and
+    value has a column for each name, and two columns that are one clock are joined.
     Raises InputError with the file name if it is missing, empty, damaged or of an unknown format.
     """
     path = check_regular_file(path)
@@ -57,7 +60,8 @@ def read_table(path: str | os.PathLike[str]) -> Table:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
         table = replace(table, meta={**_meta(header), **table.meta})
-        return stacked(with_days(table, read_dates(table)))
+        table = stacked(with_days(table, read_dates(table)))
+        return with_joined_clocks(pivoted(table))
     except OSError as error:
         raise InputError(
             f"{path} cannot be read ({error.strerror or error}); check that it is a readable file"

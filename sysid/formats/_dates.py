@@ -19,14 +19,13 @@ if TYPE_CHECKING:
     import polars
 
 # [0-9]: \d has the digits of other scripts too, of which polars makes no number.
-_TIME = (
-    r"(?P<hour>[0-9]{1,3}):(?P<minute>[0-9]{2}):(?P<second>[0-9]{2})(?:[.,](?P<part>[0-9]{1,18})|:(?P<milli>[0-9]{3}))?"
-    r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
-)
+_SECOND = r":(?P<second>[0-9]{2})(?:[.,](?P<part>[0-9]{1,18})|:(?P<milli>[0-9]{3}))?"
+_TIMES = r"(?P<hour>[0-9]{{1,3}}):(?P<minute>[0-9]{{2}}){second}(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+_TIME = _TIMES.format(second=f"(?:{_SECOND})?")  # beside a date seconds may be left out; 12:05 alone may be 12 min 5 s
 _ZONE = r"\s*(?P<zone>[Zz]|UTC|[+-][0-9]{2}(?::?[0-9]{2})?)?"
 _YEAR, _ONE, _TWO = "(?P<year>[0-9]{4})", "(?P<one>[0-9]{1,2})", "(?P<two>[0-9]{1,2})"
 FORMS = {
-    "time": rf"^{_TIME}$",
+    "time": rf"^{_TIMES.format(second=_SECOND)}$",
     "year first": rf"^{_YEAR}[-/.]{_ONE}[-/.]{_TWO}(?:[Tt]|\s+){_TIME}{_ZONE}$",
     "dots": rf"^{_ONE}\.{_TWO}\.{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",
     "year last": rf"^{_ONE}[/-]{_TWO}[/-]{_YEAR}(?:[Tt]|,?\s+){_TIME}{_ZONE}$",

@@ -17,7 +17,7 @@ def stacked(table: Table) -> Table:
     """The table with one column a field where all columns are GROUP.field, of groups that differ by a number alone.
 
     Groups may also be joints that were recorded together: they are experiments where their names say so, or where they
-    differ in length, which what is recorded together does not. Other tables as they are.
+    differ in length, which what is recorded together by one clock does not. Other tables as they are.
     """
     groups: dict[str, dict[str, int]] = {}
     for j, name in enumerate(table.names):
@@ -34,7 +34,7 @@ def stacked(table: Table) -> Table:
         return table
     sizes = [each.pop() for each in lengths]
     said = NAMES.fullmatch(stem.rpartition(".")[2].partition("#")[0].strip("({[_ -"))
-    return _stack(table, groups, sizes) if said or len(set(sizes)) > 1 else table
+    return _stack(table, groups, sizes) if said or (len(set(sizes)) > 1 and not table.clocks) else table
 
 
 def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) -> Table:
@@ -62,4 +62,5 @@ def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) ->
         local={},
         dates={},
         undated={},
+        clocks={},
     )

@@ -1,6 +1,7 @@
 """Parquet tables."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -10,6 +11,7 @@ from sysid.base import tables
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays
+from sysid.formats._long_table import may_be_long, pivoted
 
 if TYPE_CHECKING:
     import polars
@@ -43,10 +45,12 @@ class Parquet:
             raise InputError(f"{path} is not a readable Parquet file ({error_name}); write it again") from None
         if not frame.height:
             raise InputError(f"{path} has no rows; give a file with one row a sample")
-        arrays = Arrays(path)
+        arrays, texts = Arrays(path), _texts(frame)
         for column in frame.iter_columns():
-            _add_column(arrays, column.name, column)
-        return arrays.table("row", f"has no numeric column; found {', '.join(frame.columns) or 'nothing'}")
+            if column.name not in texts:
+                _add_column(arrays, column.name, column)
+        table = arrays.table("row", f"has no numeric column; found {', '.join(frame.columns) or 'nothing'}")
+        return _with_texts(table, texts)
 
     def write(self, path: Path, columns: Mapping[str, np.ndarray], header: str) -> None:
         """Columns (N,) by name, and the header."""
@@ -61,6 +65,34 @@ class Parquet:
 
         tables.check_fork()
         return polars.read_parquet_metadata(path.absolute()).get(HEADER, "")
+
+
+def _texts(frame: "polars.DataFrame") -> dict[str, list[str]]:
+    """The columns of text of a table that may be a long one, in which they name the signals; none of another."""
+    import polars
+
+    kinds = (polars.String, polars.Categorical, polars.Enum)
+    columns = [column for column in frame.iter_columns() if isinstance(column.dtype, kinds)]
+    if not may_be_long(frame.columns) or len(columns) == frame.width:
+        return {}
+    return {column.name: column.cast(polars.String).fill_null("").to_list() for column in columns}
+
+
+def _with_texts(table: Table, texts: Mapping[str, list[str]]) -> Table:
+    """The numbers of the table, with a column for each name in a long one."""
+    if not texts:
+        return table
+    rows = table.rows[0]
+    long = replace(
+        table,
+        names=(*table.names, *texts),
+        columns=(*table.columns, *texts.values()),
+        rows=(*table.rows, *(rows for _ in texts)),
+    )
+    pivot = pivoted(long)
+    if pivot is not long:
+        return pivot
+    return replace(table, notes=(*table.notes, f"left out what is no signal: {', '.join(texts)} (text)"))
 
 
 def _add_column(arrays: Arrays, name: str, column: "polars.Series") -> None:

@@ -1,0 +1,129 @@
+"""Long tables: one row for each value, with its time and the name of its signal, as data bases export them."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.data.table import Table, is_number
+from sysid.formats._unit_names import units_of
+
+KEYS = {"key", "name", "topic", "signal", "channel", "variable", "field", "_field", "sensor", "series", "metric", "tag"}
+VALUES = {"value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
+UNITS = {"unit", "units", "einheit"}
+MOST = 200  # names: more are texts of another kind
+REPEATED = 2.0  # rows of a name on the average, at least
+LARGEST = 1 << 28  # cells of the table that is made
+WORDS = {"true": 1.0, "false": 0.0}
+
+
+def pivoted(table: Table) -> Table:
+    """The table with a column for each name of a long one, in the order of time; others as they are.
+
+    Rows of one time become one. Raises InputError where the table would be too large.
+    """
+    columns = {name.strip().lower(): j for j, name in enumerate(table.names)}
+    keys, values, units = (_column(columns, names) for names in (KEYS, VALUES, UNITS))
+    if keys is None or values is None or len({len(cells) for cells in table.columns}) != 1:
+        return table
+    names = [str(name).strip() for name in _texts(table.columns[keys])]
+    distinct = list(dict.fromkeys(names))
+    others = [j for j in range(len(table.names)) if j not in (keys, values, units)]
+    times = [j for j in others if _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) > 0)]
+    if not 2 <= len(distinct) <= min(MOST, len(names) / REPEATED) or len(times) != 1 or "" in distinct:
+        return table
+    group = np.unique(names, return_inverse=True)[1]
+    group = np.array([distinct.index(name) for name in np.unique(names)])[group]
+    order, row = _rows(_floats(table, times[0]), group)
+    if (row[-1] + 1) * len(distinct) > LARGEST:
+        raise InputError(
+            f"{table.path}: a table of {len(names)} values of {len(distinct)} names would have {row[-1] + 1} rows, "
+            "which is too large; give the rows of the names that are needed"
+        )
+    cells = _values(table, values)
+    first = np.flatnonzero(np.diff(row, prepend=-1))  # the first value of each row
+    time, rows = table.names[times[0]], np.asarray(table.rows[times[0]])[order][first]
+    new = {time: _floats(table, times[0])[order][first]}
+    left_out = []
+    for k, name in enumerate(distinct):
+        mine = order[group[order] == k]
+        if not np.isfinite(cells[mine]).any():
+            left_out.append(name)
+            continue
+        column = np.full(row[-1] + 1, np.nan)
+        column[row[group[order] == k]] = cells[mine]
+        new[name if name != time else f"{name} ({table.names[keys]})"] = column
+    notes = [f"a table of one value a row: each name in {table.names[keys]!r} became a column ({', '.join(new)})"]
+    notes += [f"left out {', '.join(left_out)}: no numbers"] if left_out else []
+    return replace(
+        table,
+        names=tuple(new),
+        columns=tuple(new.values()),
+        rows=(rows,) * len(new),
+        units=_units(table, names, units, time, distinct),
+        decimal=".",
+        notes=(*table.notes, *notes),
+    )
+
+
+def may_be_long(names: Sequence[str]) -> bool:
+    """Whether the names of columns are those of a long table."""
+    columns = {name.strip().lower(): j for j, name in enumerate(names)}
+    return _column(columns, KEYS) is not None and _column(columns, VALUES) is not None
+
+
+def _rows(t: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The values (n,) in the order of rows, and the row of each: values that stand together and have one time.
+
+    Where the values of a name stand in one block they are put in the order of time first.
+    """
+    order = np.arange(len(t))
+    blocks = int(np.count_nonzero(np.diff(group))) + 1
+    if blocks == len(np.unique(group)) and np.all(np.isfinite(t)):
+        order = np.argsort(t, kind="stable")
+    row, last, seen = np.zeros(len(t), dtype=int), -1, set[int]()
+    at = np.nan
+    for k, (time, name) in enumerate(zip(t[order].tolist(), group[order].tolist(), strict=True)):
+        if time != at or name in seen:
+            last, at, seen = last + 1, time, set()
+        seen.add(name)
+        row[k] = last
+    return order, row
+
+
+def _values(table: Table, j: int) -> np.ndarray:
+    """The values (n,) as numbers: true is 1, and nan stands for a text."""
+    cells = table.columns[j]
+    if _is_numeric(cells):
+        return np.asarray(cells, dtype=float)
+    texts = (str(cell).strip().replace(",", ".") if table.decimal == "," else str(cell).strip() for cell in cells)
+    return np.array([WORDS.get(text.lower(), float(text) if is_number(text) else np.nan) for text in texts])
+
+
+def _units(table: Table, names: Sequence[str], j: int | None, time: str, distinct: Sequence[str]) -> dict[str, str]:
+    """The units in the names, and those of a column of units that does not change within a name."""
+    units = units_of(distinct) | {name: unit for name, unit in table.units.items() if name == time}
+    if j is not None:
+        pairs = {(name, str(unit).strip()) for name, unit in zip(names, _texts(table.columns[j]), strict=True)}
+        units |= {name: unit for name, unit in pairs if unit and sum(name == each for each, _ in pairs) == 1}
+    return units
+
+
+def _column(columns: dict[str, int], names: set[str]) -> int | None:
+    places = [j for name, j in columns.items() if name in names]
+    return places[0] if len(places) == 1 else None
+
+
+def _texts(cells: Sequence[str] | np.ndarray) -> list[str]:
+    if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
+        return [f"{cell:g}" for cell in cells.tolist()]
+    return list(cells)
+
+
+def _is_numeric(cells: object) -> bool:
+    return isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf"
+
+
+def _floats(table: Table, j: int) -> np.ndarray:
+    return np.asarray(table.columns[j], dtype=float)
