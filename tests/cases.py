@@ -4,6 +4,7 @@ import json
 import math
 from pathlib import Path
 
+import loggers
 import numpy as np
 import polars
 import pytest
@@ -317,6 +318,11 @@ FOREIGN = {
     "robot.mcap": _mcap,
     "robot.bag": _bag,
     "robot.db3": _bag,
+    **{
+        name: lambda path, u, y, write=write: write(path, *((0.05 * np.arange(len(x)), x) for x in (u, y)))
+        for name, write in loggers.WRITERS.items()
+        if name != "a.csv"
+    },
 }
 ROBOT = {"robot.mcap": ("log.u", "log.y"), "robot.bag": ("log.x", "log.y"), "robot.db3": ("log.x", "log.y")}
 # A recipe of each structure, with orders and maps.

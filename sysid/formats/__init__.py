@@ -25,15 +25,24 @@ from sysid.formats._stack import stacked
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
+from sysid.formats.labview import LabView
 from sysid.formats.mat import Mat
+from sysid.formats.mdf import Mdf
 from sysid.formats.numpy_arrays import NumpyArrays
 from sysid.formats.parquet import Parquet
 from sysid.formats.robot_log import RobotLog
 from sysid.formats.serial_capture import SerialCapture
+from sysid.formats.tdms import Tdms
+from sysid.formats.ulog import Ulog
+from sysid.formats.wpilog import Wpilog
 
-FORMATS: tuple[type[Format], ...] = (Delimited, JsonRecords, Mat, NumpyArrays, Parquet, RobotLog, SerialCapture)
+FORMATS: tuple[type[Format], ...] = (
+    *(Delimited, JsonRecords, LabView, Mat, Mdf, NumpyArrays, Parquet, RobotLog, SerialCapture),
+    *(Tdms, Ulog, Wpilog),
+)
 TABLE: dict[str, type[Format]] = dict(sorted((suffix, each) for each in FORMATS for suffix in each.suffixes))
-FOREIGN: tuple[type[_sandbox.Foreign], ...] = (Mat, NumpyArrays, Parquet, RobotLog)  # read by libraries of others
+# Read by libraries of others:
+FOREIGN: tuple[type[_sandbox.Foreign], ...] = (Mat, Mdf, NumpyArrays, Parquet, RobotLog, Tdms, Ulog)
 WRITTEN: tuple[str, ...] = tuple(suffix for suffix, each in TABLE.items() if suffix in each.written)
 
 
@@ -132,11 +141,16 @@ __all__ = [
     "Delimited",
     "Format",
     "JsonRecords",
+    "LabView",
     "Mat",
+    "Mdf",
     "NumpyArrays",
     "Parquet",
     "RobotLog",
     "SerialCapture",
+    "Tdms",
+    "Ulog",
+    "Wpilog",
     "check_written",
     "read_header",
     "read_table",

@@ -5,7 +5,6 @@ import math
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, is_dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -14,11 +13,12 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._format import Format
+from sysid.formats._groups import libraries_of
 from sysid.formats._unit_names import units_of
 
 LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
 SECOND = 1_000_000_000  # [ns]
-LIBRARIES = ("mcap.reader", "rosbags.highlevel")
+LIBRARIES = {"mcap.reader": "mcap", "rosbags.highlevel": "rosbags"}
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,7 @@ class RobotLog(Format):
     @staticmethod
     def libraries(path: Path) -> tuple[str, ...]:
         """The modules that read this file, loaded once for many files. Raises InputError if one is not installed."""
-        for name in LIBRARIES:
-            try:
-                installed = find_spec(name) is not None
-            except (ImportError, ValueError):
-                installed = False
-            if not installed:
-                raise _needs_extra(path)
-        return LIBRARIES
+        return libraries_of(path, LIBRARIES, "robot", "robot logs")
 
     def read(self, path: Path) -> Table:
         """The numbers in `path`; raises InputError if it is damaged, has none, or the extra is not installed."""
@@ -142,10 +135,8 @@ def _table(path: Path, topics: dict[str, Topic], notes: list[str]) -> Table:
 
 def _mcap_messages(path: Path, notes: list[str], omitted: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
     """Topic, log time [ns] and message. A file that was cut is read up to there, which is noted."""
-    try:
-        from mcap.reader import NonSeekingReader, make_reader
-    except ImportError:
-        raise _needs_extra(path) from None
+    from mcap.reader import NonSeekingReader, make_reader
+
     decoders: dict[int, Any] = {}
     with path.open("rb") as file:
         reader: Any = make_reader(file, validate_crcs=True)
@@ -193,11 +184,9 @@ def _decoder(schema: Any, channel: Any) -> Any:
 
 def _ros_messages(path: Path, omitted: dict[str, str]) -> Iterator[tuple[str, int, Any]]:
     """Topic, log time [ns] and message of a bag of ROS 1 or ROS 2."""
-    try:
-        from rosbags.highlevel import AnyReader
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise _needs_extra(path) from None
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
     with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
         readable = [
             connection_ for connection_ in reader.connections if connection_.msgtype in reader.typestore.fielddefs
@@ -209,10 +198,6 @@ def _ros_messages(path: Path, omitted: dict[str, str]) -> Iterator[tuple[str, in
         }
         for connection, time, raw in reader.messages(connections=readable) if readable else ():
             yield connection.topic, time, reader.deserialize(raw, connection.msgtype)
-
-
-def _needs_extra(path: Path) -> InputError:
-    return InputError(f"{path}: reading robot logs needs mcap and rosbags; install them with pip install 'qpal[robot]'")
 
 
 def _numbers(prefix: str, value: Any) -> Iterator[tuple[str, float | Stamp]]:

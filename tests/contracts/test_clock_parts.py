@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
+from plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 
 from sysid.channels.guess import guess
 from sysid.channels.mapping_file import read_map, write_map
 from sysid.channels.reading import read_signals
 from sysid.formats import read_table
 from sysid.workflow.record import Record, read_record
-from tests.plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 
 N, TS = 600, 0.02
 T = np.arange(N) * TS
@@ -141,7 +141,7 @@ def test_what_falls_in_a_log_that_is_in_order_turns_nothing(head, clock, tmp_pat
 
 LONG = {  # the rows (time [s], name, value) of a long table, in the order in which they are written
     "in turn": [(t, name, x) for t, u, y in zip(T, U, Y, strict=True) for name, x in (("voltage", u), ("angle", y))],
-    "in blocks": [(t, name, x) for name, values in (("voltage", U), ("angle", Y)) for t, x in zip(T, values, strict=True)],
+    "in blocks": [(t, name, x) for name, v in (("voltage", U), ("angle", Y)) for t, x in zip(T, v, strict=True)],
     "at rates of their own": sorted(
         [(t, "voltage", u) for t, u in zip(T[::3], U[::3], strict=True)]
         + [(t, "angle", y) for t, y in zip(T + 0.0031, response(T + 0.0031, *steps(3, 0.24, 12.0)), strict=True)]

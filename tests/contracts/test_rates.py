@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import polars
 import pytest
+from plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 from scipy.io import savemat
 
 import sysid
@@ -16,7 +17,6 @@ from sysid.channels.mapping_file import read_map, write_map
 from sysid.channels.reading import parse_range, read_signals
 from sysid.formats import read_table
 from sysid.workflow.record import read_record
-from tests.plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 
 SECONDS, TS = 12.0, 0.02
 CASES = Path(__file__).parent / "cases"  # from public reports

@@ -1,0 +1,57 @@
+"""Flight logs of PX4 (.ulg) by pyulog. Needs the extra `ulog`."""
+
+from pathlib import Path
+from typing import ClassVar
+
+from sysid.base.errors import InputError
+from sysid.data.table import Table
+from sysid.formats._format import Format
+from sysid.formats._groups import Group, libraries_of, table_of_groups
+
+LIBRARIES = {"pyulog": "pyulog"}
+MICRO = 1e-6  # [s] of a stamp
+
+
+class Ulog(Format):
+    """Reads .ulg: each number of a topic is the column topic.field, with topic.time in seconds since the log began.
+
+    A topic of several instances is called topic[k].
+    """
+
+    suffixes: ClassVar[tuple[str, ...]] = (".ulg",)
+    written: ClassVar[tuple[str, ...]] = ()
+    headed: ClassVar[bool] = False
+
+    @staticmethod
+    def libraries(path: Path) -> tuple[str, ...]:
+        """The module that reads this file."""
+        return libraries_of(path, LIBRARIES, "ulog", "ULog files")
+
+    def read(self, path: Path) -> Table:
+        """The topics in `path`; raises InputError if it is damaged or has no numbers."""
+        from pyulog import ULog
+
+        try:
+            log = ULog(str(path))
+        except MemoryError:
+            raise
+        except Exception as error:  # a damaged file fails in many ways inside pyulog
+            if isinstance(error, OSError) and error.errno:
+                raise
+            raise InputError(
+                f"{path} is not a readable ULog file ({type(error).__name__}); download it from the vehicle again"
+            ) from None
+        names = [topic.name for topic in log.data_list]
+        groups = []
+        for topic in log.data_list:
+            name = topic.name if names.count(topic.name) == 1 else f"{topic.name}[{topic.multi_id}]"
+            group = Group(name, (topic.data["timestamp"].astype(float) - log.start_timestamp) * MICRO)
+            for field, values in topic.data.items():
+                is_stamp = field.startswith("timestamp") and values.dtype.kind == "u"
+                if field != "timestamp":
+                    seconds = (values.astype(float) - log.start_timestamp) * MICRO if is_stamp else values
+                    group.channels[f"{name}.{field}"] = seconds
+                    group.units |= {f"{name}.{field}": "s"} if is_stamp else {}
+            groups.append(group)
+        notes = [f"{len(log.dropouts)} dropout(s) of the logger"] if log.dropouts else []
+        return table_of_groups(path, groups, "sample", notes)
