@@ -15,6 +15,7 @@ from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
 from sysid.formats._body import WITH_COMMA, Body
 from sysid.formats._cells import Layout, blocks, cells, comments, data_lines, split, trim
+from sysid.formats._oscilloscope import Preamble, preamble_of
 from sysid.formats._unit_names import is_unit, units_of
 from sysid.formats.serial_capture import SerialCapture, looks_like_one
 
@@ -33,6 +34,7 @@ class Head:
     units: Mapping[str, str]
     layout: Layout
     start: int
+    preamble: Preamble | None = None
 
 
 class Delimited:
@@ -83,9 +85,10 @@ def _read(path: Path) -> Table:
     rows = (body.rows,) * len(head.names)
     columns, notes = tuple(body.columns), tuple(body.notes)
     lines_above = tuple(line for line in comments(path) if not line.startswith(HEADER))
-    return Table(
+    table = Table(
         path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes, comments=lines_above
     )
+    return table if head.preamble is None else head.preamble.finished(table)
 
 
 def _read_either(path: Path) -> Table:
@@ -111,6 +114,11 @@ def _head(path: Path) -> Head:
     if not sample:
         raise InputError(f"{path} has no rows; give a file with one row a sample")
     lines = [line for _, line in sample]
+    preamble = preamble_of([_split(line, ",") for line in lines]) if "," in lines[0] else None
+    if preamble is not None:
+        row = sample[preamble.first][0]
+        layout = Layout(",", preamble.width, row)
+        return Head(preamble.names, preamble.units, layout, row, preamble)
     separator = sep_line[1] if sep_line else _separator(lines[0], lines[1:] or lines)
     rows = [split(path, *sample[0], separator), *(_split(line, separator) for line in lines[1:])]
     width = max(map(len, rows))

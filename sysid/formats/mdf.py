@@ -56,7 +56,7 @@ def _groups(file: Any, k: int) -> list[Group]:
             signal = file.get(channel.name, group=k, index=j, raw=True)
         group = next((each for each in groups if _same(each.t, signal.timestamps)), None)
         if group is None:
-            group = Group(file.groups[k].channel_group.acq_name or channel.name, signal.timestamps)
+            group = Group(getattr(file.groups[k].channel_group, "acq_name", "") or channel.name, signal.timestamps)
             groups.append(group)
         group.channels[channel.name] = signal.samples
         group.units[channel.name] = signal.unit
