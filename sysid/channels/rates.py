@@ -84,7 +84,9 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
     note = f"columns have rates of their own: the rows are the {len(own.t)} of {reference!r}, and inputs are held"
     table = _replaced(table, merged, filled, reference)
     keep = _between_values(merged, own, reach)
-    _check_streams(table, mapping, merged, own, keep)
+    outputs_may_lack = mapping.repair.empty == "outputs"
+    streams = {n: x for n, x in merged.items() if not (outputs_may_lack and names[n] == "output")}
+    _check_streams(table, mapping, streams, own, keep)
     if not keep.all():
         sentences.append(f"{int((~keep).sum())} row(s) at the ends, where another column has no value, are left out")
         table = keep_rows(table, keep)

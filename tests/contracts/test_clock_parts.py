@@ -128,6 +128,7 @@ def test_the_newest_row_may_stand_first(head, clock, Ts, tmp_path):
     ("head", "clock"),
     [
         ("t_s,time_left_s", lambda ms: f"{ms / 1000},{20 - ms / 1000}"),
+        ("t_s,time_to_go_s", lambda ms: f"{ms / 1000},{20 - ms / 1000}"),
         ("t_s,battery_V", lambda ms: f"{ms / 1000},{12 - ms * 1e-5:.5f}"),
         ("time_left_s", lambda ms: f"{20 - ms / 1000}"),
         ("battery_V", lambda ms: f"{12 - ms * 1e-5:.5f}"),

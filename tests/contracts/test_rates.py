@@ -135,16 +135,23 @@ def test_a_second_output_goes_along_straight_lines_and_a_far_slower_one_is_refus
     path = write(tmp_path / "a.csv", table)
     data = read_record(path, "u_V", "y_rad,z_rad").data
     np.testing.assert_allclose(data.y[:, 1], 3.0 * (np.arange(data.N) * TS + 0.0031), atol=1e-9)
+    short = {**table, "z_rad": table["z_rad"].copy()}
+    short["z_rad"][places[100:130]] = np.nan
+    write(path, short)
+    with pytest.raises(InputError, match=r"'z_rad': found no value for 0.62 s"):
+        read_record(path, "u_V", "y_rad,z_rad")
+    data = read_record(path, "u_V", "y_rad,z_rad", missing="fill").data
+    assert np.asarray(data.missing).sum(axis=0).tolist() == [0, 31]  # and none of them a straight line that was made up
     table["z_rad"][places[np.arange(len(places)) % 20 > 0]] = np.nan
     with pytest.raises(InputError, match=r"'z_rad' has a value every 0.4 s and 'y_rad' every 0.02 s.*one output at a"):
         read_record(write(path, table), "u_V", "y_rad,z_rad")
     assert read_record(path, "u_V", "y_rad").data.N == 600
 
 
-@pytest.mark.parametrize("blocks", [False, True])
-def test_experiments_and_signals_below_each_other_are_told_apart(blocks, tmp_path):
+@pytest.mark.parametrize(("blocks", "step"), [(False, None), (True, None), (True, 0.02)])
+def test_experiments_and_signals_below_each_other_are_told_apart(blocks, step, tmp_path):
     """Two experiments behind each other stay two; an input that is written below the output is no second one."""
-    u, y = signals_of(0.24, None, 0.02, 0.0031)
+    u, y = signals_of(0.24, step, 0.02, 0.0031)
     first = union(u, y)
     if blocks:
         is_u = np.isfinite(first["u_V"])
