@@ -246,8 +246,8 @@ def _check_streams(
     low, high = (bound if bound is not None else end for bound, end in ((part.start, -np.inf), (part.stop, np.inf)))
     for name, values in merged.items():
         for start, stop in runs(np.isnan(values) & keep & (t >= low) & (t <= high)):
-            before = f"{part.start or 0:g}:{t[max(start - 1, 0)]:.6g}"
-            after = f"{t[min(stop, len(t) - 1)]:.6g}:{min(high, t[-1]):.6g}"
+            before = f"{part.start or 0:g}:{t[max(start - 1, 0)]:.10g}"
+            after = f"{t[min(stop, len(t) - 1)]:.10g}:{min(high, t[-1]):.10g}"
             raise table.error(
                 name,
                 start,

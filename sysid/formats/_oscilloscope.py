@@ -120,7 +120,7 @@ def _above(rows: list[list[str]]) -> Preamble | None:
         return None
     names_row = next((k for k in named if k not in unit_rows), None)
     cells = rows[names_row] if names_row is not None else ["time", *(f"CH{k}" for k in range(1, width))]
-    names = ("time", *(f"CH{cell}" if cell.isdigit() else cell for cell in cells[1:]))
+    names = ("time", *cells[1:])
     units = {"time": "s"}
     if unit_rows:
         units |= {name: UNITS[cell.lower()] for name, cell in zip(names, rows[unit_rows[0]], strict=True)}
