@@ -259,6 +259,24 @@ def test_topics_of_a_robot_log_have_rates_of_their_own(stamped, tmp_path):
         read_record(path, time="cmd.time")
 
 
+def test_topics_of_two_joints_are_recorded_together_and_no_experiments(tmp_path):
+    """They differ by a number, and in length, as each has a clock of its own."""
+    writer = pytest.importorskip("mcap.writer")
+    (_, u), (t, y) = signals_of(0.24, 0.02, 0.02, 0.0)
+    with (tmp_path / "a.mcap").open("wb") as file:
+        log = writer.Writer(file)
+        log.start()
+        schema = log.register_schema("m", "jsonschema", b"{}")
+        for k in (1, 2):
+            channel = log.register_channel(f"/joint{k}", "json", schema)
+            for time, a, b in zip(t[::k], u[::k], y[::k], strict=True):
+                log.add_message(channel, round(time * 1e9), json.dumps({"u": k * a, "y": k * b}).encode(), 0)
+        log.finish()
+    data = read_record(tmp_path / "a.mcap", "joint1.u", "joint1.y").data
+    assert data.N == 600
+    assert pole_and_gain(data.u[:, 0], data.y[:, 0]) == pytest.approx((np.exp(-TS / TAU), GAIN), abs=1e-6)
+
+
 def test_the_case_of_a_public_report():
     """asammdf 1219: 300 rows of the angle, 3.1 ms behind 300 of the voltage."""
     data = read_record(CASES / "union.csv").data
