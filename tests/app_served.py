@@ -150,8 +150,8 @@ def cookie_of(served: Served) -> str:
 
 
 @contextmanager
-def browser(folder: Path, *flags: str) -> Iterator:
-    """Chromium without a window, with a profile of its own."""
+def browser(folder: Path, *flags: str, log: bool = False) -> Iterator:
+    """Chromium without a window, with a profile of its own; with `log`, its performance log has every request."""
     webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is in the test extra")
     if not (os.path.exists(CHROMIUM) and os.path.exists(DRIVER)):
         pytest.skip("Chromium and its driver are not installed; on Debian: apt-get install chromium chromium-driver")
@@ -159,6 +159,8 @@ def browser(folder: Path, *flags: str) -> Iterator:
     options.binary_location = CHROMIUM
     for flag in (*FLAGS, *flags, f"--user-data-dir={folder / 'profile'}"):
         options.add_argument(flag)
+    if log:
+        options.set_capability("goog:loggingPrefs", {"performance": "ALL", "browser": "ALL"})
     driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
     driver.set_page_load_timeout(PATIENCE)
     driver.execute_cdp_cmd("Page.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(folder)})

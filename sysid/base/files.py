@@ -64,6 +64,18 @@ def check_regular_file(path: str | os.PathLike[str]) -> Path:
     return file
 
 
+def read_limited(path: str | os.PathLike[str], most: int) -> bytes:
+    """The content of a regular file of at most `most` bytes, which is all that is held in memory.
+
+    Raises InputError as `check_regular_file` does and for a larger file, OSError for one that cannot be read.
+    """
+    with check_regular_file(path).open("rb") as file:
+        content = file.read(most + 1) if os.fstat(file.fileno()).st_size <= most else None
+    if content is None or len(content) > most:
+        raise InputError(f"{Path(path).name} is larger than {most / 2**20:g} MiB; qpal writes no such file")
+    return content
+
+
 @contextmanager
 def atomic_file(path: str | os.PathLike) -> Iterator[Path]:
     """A temporary name beside `path` with the same suffix for the block to write to; at its end it becomes `path`.

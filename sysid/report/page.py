@@ -1,6 +1,8 @@
 """A report: sections of sentences, tables and pictures, written as one HTML file without network access."""
 
 import base64
+import hashlib
+import html
 import json
 import re
 from collections.abc import Iterator, Sequence
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 PACKED = 64  # numbers; a longer list travels as the bytes of its doubles, which are exact and half as long
 DRAW = resources.files("sysid.report").joinpath("zoom.js").read_text(encoding="utf-8")
+SORT = resources.files("sysid.report").joinpath("sort.js").read_text(encoding="utf-8")
+# A page needs no address but its own: what it shows is inside it, and its scripts are those of this module.
+POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
 
 
 @dataclass(frozen=True)
@@ -157,7 +162,7 @@ class Page:
         """The page as one document, self-contained but for its scripts; plotly's is part of it if a figure needs it."""
         zooms = any(picture.zoom is not None for picture in self.pictures())
         draws = zooms or any(section.plots for section in self.sections)
-        return _template().render(page=self, plotly=script() if zooms else "", draw=DRAW if draws else "")
+        return _render(self.title, zooms, draws, self.sorts, self.scripts, page=self)
 
     @property
     def words(self) -> dict[str, str]:
@@ -175,6 +180,24 @@ class Page:
         """All pictures, in order."""
         for section in self.sections:
             yield from section.pictures
+
+
+def rebuilt(title: str, body: str, draws: bool) -> str:
+    """A page around a `body` of HTML that was written before and has been checked; `draws` for one with figures."""
+    return _render(title, draws, draws, body=body, page=None)
+
+
+def _render(title: str, zooms: bool, draws: bool, sorts: bool = False, beside: Sequence[str] = (), **parts: Any) -> str:
+    """The document, whose policy names the hash of each script in it and lets scripts of the files `beside` it run."""
+    texts = {"plotly": script() if zooms else "", "draw": DRAW if draws else "", "sort": SORT if sorts else ""}
+    hashes = [_hash(text) for text in texts.values() if text]
+    sources = " ".join([*hashes, *(["'self'", "file:"] if beside else [])]) or "'none'"
+    return _template().render(title=title, policy=f"{POLICY}; script-src {sources}", **texts, **parts)
+
+
+@cache
+def _hash(script_text: str) -> str:
+    return f"'sha256-{base64.b64encode(hashlib.sha256(script_text.encode()).digest()).decode()}'"
 
 
 @cache
@@ -227,13 +250,16 @@ def element(figure: Plotly, name: str) -> str:
 
     Raises ValueError for a number that JSON has not.
     """
+    height = int(figure["layout"].get("height", 400))
+    box = f'<div class="zoom" id="zoom-{name}" style="height:{height}px"></div>'
+    return box + figure_script(figure, f"zoom-{name}")
+
+
+def figure_script(figure: Plotly, box: str) -> str:
+    """The HTML of what `DRAW` draws into the element whose id is `box`; ValueError for a number that JSON has not."""
     text = json.dumps(packed(figure), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     safe = text.replace("<", "\\u003c").replace("&", "\\u0026")  # no text of a figure ends the script or opens a tag
-    height = int(figure["layout"].get("height", 400))
-    return (
-        f'<div class="zoom" id="zoom-{name}" style="height:{height}px"></div>'
-        f'<script type="application/json" data-for="zoom-{name}">{safe}</script>'
-    )
+    return f'<script type="application/json" data-for="{html.escape(box)}">{safe}</script>'
 
 
 def script() -> str:

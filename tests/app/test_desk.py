@@ -2,9 +2,11 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
+from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -83,6 +85,34 @@ def test_the_model_has_its_numbers_figures_and_files(desk):
         desk.files("models", "m1")
     )
     assert sysid.load(desk.session.file("models", "m1", "model.json")).criteria.d == 4
+
+
+def test_the_report_is_shown_whole_though_it_is_built_again(desk):
+    written = desk.session.file("models", "m1", "report.html").read_text(encoding="utf-8")
+    again = desk.content("models", "m1", "report.html").decode()
+    assert parts(again) == parts(written)
+    assert len(parts(again)) > 200
+    policy = re.search(r'Security-Policy" content="([^"]*)"', again)[1]
+    assert policy == re.search(r'Security-Policy" content="([^"]*)"', written)[1]
+    assert "default-src 'none'" in policy
+
+
+def parts(document):
+    """Elements with their attributes, and texts, of what a page shows; spaces at line ends left out."""
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag, attrs):
+            found.append((tag, sorted(attrs)))
+
+        def handle_endtag(self, tag):
+            found.append(tag)
+
+        def handle_data(self, data):
+            found.extend(line.strip() for line in data.splitlines() if line.strip())
+
+    found = []
+    Reader().feed(document[document.index("<main") : document.index("</main>")])
+    return found
 
 
 def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_times(desk):

@@ -3,7 +3,6 @@
 Records and models are in the session, work is in jobs; what a job has made is taken into the session when it is whole.
 """
 
-import json
 import re
 import shutil
 from collections.abc import Iterable
@@ -12,9 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from sysid.base.errors import InputError
+from sysid.base.files import read_limited
 from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
-from twin.app.entries import Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs
+from twin.app import stored
+from twin.app.entries import MOST, Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs
 from twin.app.jobs import Job, Jobs
 from twin.app.rig import Rig
 from twin.app.session import Session
@@ -42,10 +43,19 @@ class Desk:
         self.jobs = jobs or Jobs()
         self._records: dict[str, tuple[float, IOData]] = {}
         self.rig = Rig(session.folder, self.keep_run)
-        if (session.folder / "rig").is_dir():
-            recover(session.folder / "rig")  # logs of a run whose line was killed
-        for log in sorted((session.folder / "rig").glob("run-*.csv")):  # of a run during which the app was killed
-            self.keep_run(log, "", f"rig, {log.stem}")
+        logs = session.folder / "rig"
+        if logs.is_dir() and not logs.is_symlink():
+            self._take_in(logs)
+
+    def _take_in(self, logs: Path) -> None:
+        """Take in the logs of runs whose line, or app, was killed."""
+        try:
+            recover(logs)
+        except (InputError, OSError) as error:
+            self.session.complaints.append(f"a run on the rig is left out: {error}")
+        for log in sorted(logs.glob("run-*.csv")):
+            if log.is_file() and not log.is_symlink():
+                self.keep_run(log, "", f"rig, {log.stem}")
 
     @property
     def version(self) -> tuple[int, int]:
@@ -205,18 +215,18 @@ class Desk:
         """The figures of a model or a study, each with its caption; raises InputError for a damaged file."""
         path = self.session.file(kind, key, "figures.json")
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            return {name: entry for name, entry in content.items() if "figure" in entry and "caption" in entry}
-        except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+            return stored.figures(read_limited(path, MOST))
+        except (OSError, ValueError, TypeError, RecursionError):
             raise InputError(f"the figures of {key} are damaged; fit or compare again") from None
 
     def files(self, kind: str, key: str) -> dict[str, str]:
         """What can be taken away of a model or a study, by name; files that it does not have are left out."""
+        self.session.file(kind, key, "")  # raises InputError for an entry that is not there
         file_names = FILES if kind == "models" else STUDY_FILES
         return {
             name: words
             for name, words in file_names.items()
-            if self.session.file(kind, key, name).is_file()
+            if self.session.has(kind, key, name)
             or (name == "script.py" and self.session.models[key].data in self.session.data)
         }
 
@@ -228,7 +238,8 @@ class Desk:
             model = self.session.models[key]
             text = script(model, self.session.data[model.data], self.session.log(model.data))
             return text.encode("utf-8")
-        return self.session.file(kind, key, name).read_bytes()
+        content = read_limited(self.session.file(kind, key, name), MOST)
+        return stored.report(content) if name == "report.html" else content
 
     def remove(self, kind: str, key: str) -> None:
         """Delete a record, a model or a study; a record's jobs end, and its models stay."""
@@ -240,7 +251,7 @@ class Desk:
 
     def _readable(self, key: str) -> Path:
         path = self.session.file("data", key, "record.npz")
-        if not path.is_file():
+        if not self.session.has("data", key, "record.npz"):
             entry = self.session.data[key]
             problem = entry.problem or UNREAD
             raise InputError(problem if problem.startswith(f"{entry.name}:") else f"{entry.name}: {problem}")

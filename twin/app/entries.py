@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
+from zipfile import ZipFile
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import atomic_file
+from sysid.base.files import atomic_file, check_regular_file
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.formats import TABLE
@@ -28,6 +29,9 @@ MODEL_ID = r"^m[1-9][0-9]{0,5}$"
 STUDY_ID = r"^s[1-9][0-9]{0,5}$"
 LOG = "log"  # name of a record's file in its folder, in front of the suffix
 LARGEST = 512 * 2**20  # [byte] of a request: a log of some million samples as text
+SMALL = 4 * 2**20  # [byte] of an entry: 500 columns of 100 letters, and a note for each
+MOST = 64 * 2**20  # [byte] of a model's file: a report with plotly is 8 MiB, a table of a network's weights less
+WORD = 200  # letters of a name in a record
 FIELDS = ("u_name", "y_name", "u_unit", "y_unit")  # of a record, kept as texts
 
 
@@ -205,7 +209,7 @@ def load_record(path: Path) -> IOData:
     arrays = _read(path)
     try:
         missing = arrays["missing"] if arrays["missing"].size else None
-        words: dict[str, Any] = {name: str(arrays[name]) for name in FIELDS}
+        words: dict[str, Any] = {name: str(arrays[name])[:WORD] for name in FIELDS}
         return IOData(arrays["u"], arrays["y"], float(arrays["Ts"]), missing=missing, **words)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); add the log again") from None
@@ -230,7 +234,10 @@ def load_runs(path: Path) -> Runs:
         t, y, run = (np.asarray(arrays[name], dtype=float) for name in ("t", "y", "run"))
         if not (t.ndim == 1 and t.shape == y.shape == run.shape):
             raise ValueError("the signals differ in length")
-        return Runs(t, y, run, float(arrays["border"]), str(arrays["name"]), str(arrays["unit"]))
+        if not (np.isfinite(t).all() and np.isfinite(y).any()):
+            raise ValueError("the signals have no samples")
+        name, unit = (str(arrays[word])[:WORD] for word in ("name", "unit"))
+        return Runs(t, y, run, float(arrays["border"]), name, unit)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); fit the model again") from None
 
@@ -241,7 +248,11 @@ def _write(path: Path, **arrays: np.ndarray) -> None:
 
 
 def _read(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an archive, which are at most `LARGEST` bytes: a packed file can be a thousandth of its content."""
     try:
+        with ZipFile(check_regular_file(path)) as packed:
+            if sum(member.file_size for member in packed.infolist()) > LARGEST:
+                raise ValueError(f"its content is larger than {LARGEST // 2**20} MiB")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
             # numpy gives other members as bytes

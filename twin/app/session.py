@@ -22,9 +22,9 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file, write_text
+from sysid.base.files import read_limited, write_text
 from sysid.base.locks import Lock, take_lock
-from twin.app.entries import DATA_ID, MODEL_ID, STUDY_ID, Data, Entry, Head, Model, Study, complaint
+from twin.app.entries import DATA_ID, LARGEST, MODEL_ID, SMALL, STUDY_ID, Data, Entry, Head, Model, Study, complaint
 
 HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
 NEW = ".new-"  # folders that are being written
@@ -59,24 +59,28 @@ class Session:
         """
         session = cls(Path(folder).resolve())
         try:
-            if session.folder.exists() and not session.folder.is_dir():
-                raise InputError(f"{folder} is a file; give a folder for --session")
-            if session.folder.is_dir() and any(session.folder.iterdir()) and not _is_session(session.folder):
-                raise InputError(f"{folder} holds other files and no session; give a new folder for --session")
-            session.folder.mkdir(parents=True, exist_ok=True)
-            session._lock = take_lock(session.folder / LOCK, session._locked_message)
-            for name in KINDS:
-                (session.folder / name).mkdir(exist_ok=True)
-                for remnant in (session.folder / name).glob(f"{NEW}*"):  # a kill left it
-                    shutil.rmtree(remnant, ignore_errors=True)
-        except OSError as error:
-            raise InputError(f"{folder} cannot be a session: {error.strerror or error}; give another folder") from None
-        try:
+            session._prepare(folder)
             session._read()
+        except OSError as error:
+            session.close()
+            raise InputError(f"{folder} cannot be a session: {error.strerror or error}; give another folder") from None
         except InputError:
             session.close()
             raise
         return session
+
+    def _prepare(self, name: str | os.PathLike[str]) -> None:
+        """Lock the folder, and make what it lacks."""
+        if self.folder.exists() and not self.folder.is_dir():
+            raise InputError(f"{name} is a file; give a folder for --session")
+        if self.folder.is_dir() and any(self.folder.iterdir()) and not _is_session(self.folder):
+            raise InputError(f"{name} holds other files and no session; give a new folder for --session")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self._lock = take_lock(self.folder / LOCK, self._locked_message)
+        for kind in KINDS:
+            self._own(Path(kind)).mkdir(exist_ok=True)
+            for remnant in (self.folder / kind).glob(f"{NEW}*"):  # a kill left it
+                shutil.rmtree(remnant, ignore_errors=True)
 
     def close(self) -> None:
         """Another app may open the folder."""
@@ -142,7 +146,19 @@ class Session:
         """A file of an entry; raises InputError for an entry that is not there."""
         if key not in getattr(self, kind):
             raise InputError(f"this session has no {key[:20]!r}; it has {', '.join(getattr(self, kind)) or 'none yet'}")
-        return self.folder / kind / key / name
+        return self._own(Path(kind, key, name))
+
+    def has(self, kind: str, key: str, name: str) -> bool:
+        """Whether an entry has a file of this name, of its own and not a link."""
+        path = self.folder / kind / key / name
+        return path.is_file() and os.path.realpath(path) == str(path)
+
+    def _own(self, place: Path) -> Path:
+        """A path in the folder; raises InputError for a link, which may lead anywhere, also on its way."""
+        path = self.folder / place
+        if os.path.realpath(path) != str(path):
+            raise InputError(f"{place.as_posix()} is a link; put the file itself in its place")
+        return path
 
     def log(self, key: str) -> Path:
         """The log of a record."""
@@ -165,9 +181,9 @@ class Session:
     def _read(self) -> None:
         """Read settings and entries; what is damaged becomes a complaint."""
         path = self.folder / HEAD
-        if path.exists():
+        if os.path.lexists(path):
             try:
-                self.head = _entry(path, Head)
+                self.head = _entry(self._own(Path(HEAD)), Head)
             except InputError as error:
                 _refuse_newer(path)
                 os.replace(path, self.folder / "session.damaged.json")
@@ -180,9 +196,9 @@ class Session:
             keys = [path.name for path in (self.folder / kind).iterdir() if re.fullmatch(pattern, path.name)]
             for key in sorted(keys, key=lambda key: int(key[1:])):
                 try:
-                    entry = _entry(self.folder / kind / key / ENTRY, cls)
-                    if isinstance(entry, Data) and not (self.folder / kind / key / entry.file).is_file():
-                        raise InputError(f"{kind}/{key}/{entry.file} is missing")
+                    entry = _entry(self._own(Path(kind, key, ENTRY)), cls)
+                    if isinstance(entry, Data):
+                        _check_log(self._own(Path(kind, key, entry.file)), f"{kind}/{key}/{entry.file}")
                 except InputError as error:
                     self.complaints.append(f"{error}; {key} is left out, and its files are as they were")
                     continue
@@ -192,17 +208,25 @@ class Session:
 def _entry(path: Path, cls: type[E]) -> E:
     name = "/".join(path.parts[-3:]) if path.name == ENTRY else path.name
     try:
-        return cls.model_validate_json(check_regular_file(path).read_bytes())
+        return cls.model_validate_json(read_limited(path, SMALL))
     except OSError as error:
         raise InputError(f"{name} cannot be read: {error.strerror}") from None
     except ValidationError as error:
         raise InputError(f"{name} is damaged: {complaint(error)}") from None
 
 
+def _check_log(path: Path, name: str) -> None:
+    """Raises InputError for a log that is missing, no file, or larger than the app takes in."""
+    if not path.is_file():
+        raise InputError(f"{name} is missing")
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{name} is larger than {LARGEST // 2**20} MiB; give a shorter part of it")
+
+
 def _refuse_newer(path: Path) -> None:
     try:
-        version = json.loads(check_regular_file(path).read_bytes()).get("version")
-    except (ValueError, AttributeError, RecursionError):
+        version = json.loads(read_limited(path, SMALL)).get("version")
+    except (OSError, InputError, ValueError, AttributeError, RecursionError):
         return
     if isinstance(version, int) and version > Head().version:
         raise InputError(f"{path} has version {version}; this qpal reads up to {Head().version}: install a newer one")

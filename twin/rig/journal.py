@@ -11,7 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file
+from sysid.base.files import read_limited
 from sysid.base.locks import file_lock, sweep
 from twin.log import Log
 from twin.rig import wire
@@ -20,6 +20,7 @@ from twin.rig.link import Link
 from twin.rig.run import Early, Recording, log_of_run
 
 END = ".journal"
+MOST = 2**27  # [byte] of a journal: more than an hour of samples every ms
 SYNC = 1.0  # [s]: a machine that loses its power has lost no more than this and what its disk holds back
 
 
@@ -120,7 +121,7 @@ def _in_use(holder: str) -> str:
 
 def _read(path: Path) -> Log | None:
     """The log of a journal; None if no sample was written. What is not a whole line is left out."""
-    lines = check_regular_file(path).read_bytes().split(b"\n")[:-1]
+    lines = read_limited(path, MOST).split(b"\n")[:-1]
     if len(lines) < 2:
         return None
     try:
@@ -136,5 +137,5 @@ def _read(path: Path) -> Log | None:
         lost = n - len(np.unique(rows[:, 0]))
         recording = Recording(counts[:n], duty[:n], float(head["Ts"]), limits[:n], supply[:n], 0, lost, reason)
         return log_of_run(recording, calibration, head["firmware"], head["port"], head["source"])
-    except (ValueError, KeyError, TypeError, IndexError) as error:
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError, RecursionError) as error:
         raise InputError(f"{path} is no journal of a run ({error}); move it away") from None

@@ -26,7 +26,13 @@ from urllib.parse import parse_qs
 TOKEN = "token"
 CROSS_ORIGIN = "access-control-"  # headers of an answer that would let pages of other sites read it
 # Headers of every answer: no other page shows it in a frame, and no browser guesses its type.
-HEADERS = (("x-content-type-options", "nosniff"), ("x-frame-options", "DENY"), ("referrer-policy", "same-origin"))
+# None asks a server of names for a link that nobody clicked.
+HEADERS = (
+    ("x-content-type-options", "nosniff"),
+    ("x-frame-options", "DENY"),
+    ("referrer-policy", "same-origin"),
+    ("x-dns-prefetch-control", "off"),
+)
 MOST_SILENT, PATIENCE = 200, 10.0  # connections that have asked for nothing yet, and [s] that each may wait
 HEAD = 64 * 1024  # [byte] of the line and the headers of a request
 # WebSockets of the viewer; not /drop: the MJCF of a model can name any file of this machine and so show it.

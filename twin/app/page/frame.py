@@ -8,6 +8,7 @@ from nicegui import app, ui
 
 from sysid.base.errors import InputError
 from sysid.base.quantities import capital
+from sysid.report.page import POLICY
 from twin.app.desk import Desk
 from twin.app.page.fit import FitPanel, JobsPanel
 from twin.app.page.panel import View, note
@@ -46,8 +47,8 @@ body { background: #eef2f5; }
 .qpal-table th { color: #52606d; font-weight: 600; }
 """
 TYPES = {".html": "text/html", ".json": "application/json", ".xml": "application/xml"}
-# A report has scripts of its own and comes from a session that another person may have made: it runs apart.
-APART = {"Content-Security-Policy": "sandbox allow-scripts allow-downloads"}
+# A report has scripts and comes from a session that another person may have made: it runs apart, and fetches nothing.
+APART = {"Content-Security-Policy": f"sandbox allow-scripts allow-downloads; {POLICY}; script-src 'unsafe-inline'"}
 
 
 def application(desk: Desk) -> FastAPI:
