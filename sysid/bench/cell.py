@@ -5,8 +5,8 @@
 
 import json
 import platform
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any
 
@@ -16,6 +16,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.parallel import results
 from sysid.base.poles import match, pairs
+from sysid.bench.border import answer, name_of
 from sysid.bench.method import Method, Outcome
 from sysid.bench.table import COLUMNS, DIVERGED, UNTRIED, Table
 from sysid.bench.task import Family, Task
@@ -39,7 +40,7 @@ class Cell:
     @property
     def key(self) -> tuple[str, str, int]:
         """What makes a row unique: (scenario, method, seed)."""
-        return f"{self.family.name}/{self.scenario}", self.method.name, self.seed
+        return f"{self.family.name}/{self.scenario}", name_of(self.method), self.seed
 
 
 def run_cells(
@@ -78,44 +79,13 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     tests = {name: (t.u[:, 0], t.y[: task.drop, 0]) for name, t in task.tests.items()}
     if stairs is not None:
         tests[STEADY] = stairs[0], stairs[1][: task.drop]
-    outcome = cell.method.solve(task, tests, cell.seconds, cell.seed)
+    outcome = answer(cell.method, task, tests, cell.seconds, cell.seed)
     row |= {"status": outcome.status, "seconds": outcome.seconds, "memory": outcome.memory, "version": outcome.version}
-    details = valid_details(outcome.details)
-    outcome = replace(outcome, status=_text(outcome.status), details=details)
-    row |= {"status": outcome.status, **{name: details.get(name, "") for name in ("stop", "structure")}}
+    row |= {name: outcome.details.get(name, "") for name in ("stop", "structure")}
     if outcome.status == "ok":
-        row |= scores(task, outcome) | accuracy(task, outcome, stairs)
+        with np.errstate(all="ignore"):  # a run of 1e300 has no finite square, and its row says so
+            row |= scores(task, outcome) | accuracy(task, outcome, stairs)
     return {name: None if isinstance(v, float) and not np.isfinite(v) else v for name, v in row.items()}
-
-
-def valid_details(details: Mapping[str, Any]) -> dict[str, Any]:
-    """Of what a method tells of itself, the parts that are what the contract says; the others are left out."""
-    valid: dict[str, Any] = {name: _text(details[name]) for name in ("stop", "structure") if name in details}
-    try:
-        loss = float(details.get("loss"))  # type: ignore[arg-type]
-        valid |= {"loss": loss} if np.isfinite(loss) else {}
-    except (TypeError, ValueError, OverflowError):
-        pass
-    poles = _numbers(details.get("poles"), 2)
-    if poles is not None and np.isfinite(poles).all():
-        valid["poles"] = poles
-    claims = details.get("intervals")
-    claims = _numbers(claims.get("pole"), 4) if isinstance(claims, Mapping) else None
-    if claims is not None and np.isfinite(claims[:, :2]).all():
-        valid["intervals"] = claims
-    return valid
-
-
-def _text(value: Any) -> str:
-    return str(value).encode("utf-8", "replace").decode("utf-8")[:1000]
-
-
-def _numbers(value: Any, width: int) -> np.ndarray | None:
-    """value as (n, width) of floats, None if it is not that."""
-    try:
-        return np.array(value, dtype=float).reshape(-1, width)
-    except (TypeError, ValueError):
-        return None
 
 
 def scores(task: Task, outcome: Outcome) -> dict[str, Any]:
@@ -151,11 +121,11 @@ def accuracy(task: Task, outcome: Outcome, stairs: tuple[np.ndarray, ...] | None
         out["map_error"] = float(min(np.sqrt(np.mean((levels - y[ends]) ** 2)) / scale, 1e6))
     if truth is None or truth.poles is None or "poles" not in outcome.details:
         return out
-    poles = outcome.details["poles"] @ np.array([1.0, 1.0j])
+    poles = np.array(outcome.details["poles"]) @ np.array([1.0, 1.0j])
     out["pole_error"] = pole_error(poles, truth.poles, task.train.Ts)
-    claims = outcome.details.get("intervals", ())
+    claims = outcome.details.get("intervals", {}).get("pole", ())
     if len(claims) == len(truth.poles):
-        out |= interval_score(claims, truth.poles)
+        out |= interval_score(np.array(claims), truth.poles)
     return out
 
 
@@ -228,10 +198,10 @@ def redraw(family: Family, scenario: str, method: Method, seed: int, seconds: fl
     task = family.make(scenario, seed)
     name, test = next(iter(task.tests.items()))
     u, y = test.u[:, 0], test.y[:, 0]
-    outcome = method.solve(task, {name: (u, y[: task.drop])}, seconds, seed)
+    outcome = answer(method, task, {name: (u, y[: task.drop])}, seconds, seed)
     label = f"{family.name}/{scenario}"
     if outcome.status != "ok":
-        raise InputError(f"{method.name} has no result on {label}, seed {seed}: {outcome.status}; draw another row")
+        raise InputError(f"{name_of(method)} has no result on {label}, seed {seed}: {outcome.status}; draw another row")
     clean = None if task.truth is None else np.asarray(task.truth.y[name], dtype=float)
     run, Ts = outcome.runs[name], test.Ts
-    return Redrawn(label, method.name, seed, Ts, task.drop, task.unit, u, y, run, clean, task.given)
+    return Redrawn(label, name_of(method), seed, Ts, task.drop, task.unit, u, y, run, clean, task.given)

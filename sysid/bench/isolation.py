@@ -22,13 +22,15 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
+from sysid.base.files import check_regular_file, read_limited, write_text
 from sysid.base.locks import scratch_folder
 from sysid.bench.method import LIMIT, Outcome, Tests
 from sysid.bench.task import Task
 
 STAMP, FAILED = "qpal-installed.json", "qpal-failed.txt"
 START = 120.0  # seconds that a process may take to import its libraries, before its clock starts; chosen by hand
+TAIL = 2**16  # [byte] of what a process printed, in which its last line is looked for
+LARGEST = 2**30  # [byte] of a file that a process gives back: a hundred million samples
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS", "NUMBA_NUM_THREADS")
 # JAX has a pool of its own that no variable above reaches.
 XLA = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
@@ -152,14 +154,15 @@ class FileMethod:
         """See `Method`. Its clock starts after its imports; at `LIMIT` times the budget it is killed."""
         try:
             python = self.environment.python()
-            with scratch_folder() as folder:
-                _write(folder / "data.npz", task, tests, seconds, seed)
-                status, duration = self._run(python, folder, seconds)
-                return Outcome(status, seconds=duration) if status else _read(folder, tests)
         except InputError as error:
             return Outcome(str(error))
-        except Exception as error:  # whatever a file of somebody else does, there is a row
-            return Outcome(f"crashed: {type(error).__name__}: {error}"[:300])
+        with scratch_folder() as folder:
+            _write(folder / "data.npz", task, tests, seconds, seed)
+            status, duration = self._run(python, folder, seconds)
+            try:
+                return Outcome(status, seconds=duration) if status else _read(folder, tests)
+            except InputError as error:
+                return Outcome(f"crashed: its answer cannot be read ({error})")
 
     def _run(self, python: Path, folder: Path, seconds: float) -> tuple[str, float]:
         """Run the worker to its end; a sentence if it did not reach one, and the seconds that it then took."""
@@ -183,7 +186,7 @@ class FileMethod:
                 process.wait()
         if failure or (folder / "done.json").is_file():
             return failure, duration
-        code, lines = process.returncode, (folder / "output").read_text("utf-8", "replace").split("\n")
+        code, lines = process.returncode, _tail(folder / "output").split("\n")
         end = f"killed by signal {-code}" if code < 0 else f"exit status {code}"
         last = next((line for line in reversed(lines) if line.strip()), "no output")
         return f"crashed: {end}: {last}"[:300], duration
@@ -225,14 +228,21 @@ def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> N
     np.savez(path, **arrays)
 
 
+def _tail(path: Path) -> str:
+    """The end of what a process printed."""
+    with path.open("rb") as file:
+        file.seek(max(file.seek(0, os.SEEK_END) - TAIL, 0))
+        return file.read().decode("utf-8", "replace")
+
+
 def _read(folder: Path, tests: Tests) -> Outcome:
-    """The outcome from the files of the worker."""
-    result = json.loads((folder / "done.json").read_text(encoding="utf-8"))
+    """The outcome from the files of the worker, which the method can write too; `sysid.bench.border` checks it."""
+    result = json.loads(read_limited(folder / "done.json", LARGEST))
     if result["status"] != "ok":
-        return Outcome(result["status"][:300])
-    try:
-        with np.load(folder / "runs.npz") as arrays:
-            runs = {name: arrays[f"run{k}"] for k, name in enumerate(tests)}
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        return Outcome(f"crashed: its runs cannot be read ({error})"[:300])
+        return Outcome(result["status"])
+    with zipfile.ZipFile(check_regular_file(folder / "runs.npz")) as packed:
+        if sum(member.file_size for member in packed.infolist()) > LARGEST:
+            raise ValueError(f"its runs are larger than {LARGEST // 2**20} MiB")
+    with np.load(folder / "runs.npz") as arrays:
+        runs = {name: arrays[f"run{k}"] for k, name in enumerate(tests)}
     return Outcome("ok", runs, result["details"], result["seconds"], result["memory"], result["version"])

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from sysid.base.errors import InputError
-from sysid.base.files import write_text
+from sysid.base.files import read_limited, write_text
 from sysid.bench.isolation import FileMethod
 
+MOST = 2**22  # [byte] of a method file, more than anybody writes
 TEMPLATE = Path(__file__).with_name("template.py")
 
 
@@ -40,10 +41,12 @@ def load(path: str | Path) -> FileMethod:
     if file.suffix != ".py" or not file.is_file():
         raise InputError(f"there is no method file {file}; write one with qpal bench add {file.stem or 'my_arx'}")
     try:
-        tree = ast.parse(file.read_text(encoding="utf-8"))
+        tree = ast.parse(read_limited(file, MOST).decode("utf-8"))
     except SyntaxError as error:
         raise InputError(f"{file}, line {error.lineno}: {error.msg}; correct it and run again") from None
-    except (UnicodeDecodeError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}); give a file that you may read") from None
+    except (ValueError, RecursionError, MemoryError) as error:
         raise InputError(f"{file} is no Python text ({error}); give a file written by qpal bench add") from None
     _check_fit(tree, file)
     _check_imports(tree, file)
@@ -90,7 +93,7 @@ def _constant(tree: ast.Module, name: str, default: Any) -> Any:
         if any(isinstance(target, ast.Name) and target.id == name for target in targets):
             try:
                 return ast.literal_eval(node.value)
-            except ValueError:
+            except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError):
                 return None
     return default
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
+LARGEST = 2**30  # [byte] of a file, many times what a library's own cache needs
 
 
 def module_at(path: Path, name: str) -> ModuleType:
@@ -54,9 +55,8 @@ def data_of(contract: ModuleType, arrays: Any) -> Any:
     return contract.Data(u, y, missing, float(arrays["Ts"]), orders, float(arrays["seconds"]), int(arrays["seed"]))
 
 
-def work(method: Path, folder: Path, package: str) -> dict[str, Any]:
+def work(contract: ModuleType, method: Path, folder: Path, package: str) -> dict[str, Any]:
     """Fit and run; the free runs go to runs.npz."""
-    contract = module_at(HERE / "contract.py", "qpal_contract")
     with np.load(folder / "data.npz") as arrays:
         signals = dict(arrays)
     data = data_of(contract, signals)
@@ -70,11 +70,8 @@ def work(method: Path, folder: Path, package: str) -> dict[str, Any]:
     runs = {}
     for k in range(int(signals["tests"])):
         u, first = signals[f"test{k}"], signals[f"first{k}"]
-        run = np.asarray(model.simulate(u.copy(), first.copy()), dtype=float).ravel()
-        if len(run) != len(u):
-            raise ValueError(f"simulate gave {len(run)} samples for {len(u)}")
-        runs[f"run{k}"] = run
-    np.savez(folder / "runs.npz", **runs)  # type: ignore[arg-type]
+        runs[f"run{k}"] = contract.checked_run(model.simulate(u.copy(), first.copy()), len(u))
+    np.savez(folder / "runs.npz", **runs)
     details = contract.details_of(model)
     version = package_version(package)
     return {"details": details, "seconds": seconds, "memory": top, "status": "ok", "version": version}
@@ -88,9 +85,12 @@ def package_version(package: str) -> str:
         return ""
 
 
-def plain(value: Any) -> Any:
-    """What JSON does not know: numbers and arrays of numpy, and otherwise their text."""
-    return value.tolist() if hasattr(value, "tolist") else str(value)
+def limit_files() -> None:
+    """No file of this process grows beyond `LARGEST`: a method that prints for ever does not fill the disk."""
+    with contextlib.suppress(ImportError, OSError, ValueError):  # Windows, or a limit that is lower already
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST, LARGEST))
 
 
 def end_with_parent(parent: int) -> None:
@@ -109,14 +109,17 @@ def end_with_parent(parent: int) -> None:
 def main(method: str, folder: str, package: str, parent: str) -> int:
     """Exit status 0 with a result or a sentence in done.json; `parent` is the process that started this one."""
     end_with_parent(int(parent))
+    limit_files()
+    contract = module_at(HERE / "contract.py", "qpal_contract")
     try:
-        result = work(Path(method), Path(folder), package)
+        result = work(contract, Path(method), Path(folder), package)
     except NotImplementedError as error:  # how a method says that it does not do this
-        result = {"status": f"refused: {error}"}
-    except Exception as error:
-        traceback.print_exc()
-        result = {"status": f"crashed: {type(error).__name__}: {error}"}
-    (Path(folder) / "done.json").write_text(json.dumps(result, default=plain), encoding="utf-8")
+        result = {"status": f"refused: {contract.text_of(str(error))}"}
+    except BaseException as error:
+        with contextlib.suppress(BaseException):
+            traceback.print_exc()
+        result = {"status": f"crashed: {contract.text_of(error)}"}
+    (Path(folder) / "done.json").write_text(json.dumps(result), encoding="utf-8")
     return 0
 
 

@@ -78,6 +78,7 @@ def test_the_scaffold_finds_the_plant_it_can_describe(tmp_path):
 def test_the_data_arrives_and_the_answer_returns_bit_for_bit(tmp_path, monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     body = """
+    import json
     import os
 
     import numpy as np
@@ -88,17 +89,21 @@ def test_the_data_arrives_and_the_answer_returns_bit_for_bit(tmp_path, monkeypat
     class Echo:
         def __init__(self, data):
             flat = lambda parts: [v.tobytes().hex() for v in parts]
-            self.details = {"u": flat(data.u), "y": flat(data.y), "missing": flat(data.missing), "Ts": data.Ts,
-                            "orders": data.orders, "seconds": data.seconds, "seed": np.int64(data.seed),
-                            "threads": os.environ["OMP_NUM_THREADS"], "type": data.missing[0].dtype.name}
+            told = {"u": flat(data.u), "y": flat(data.y), "missing": flat(data.missing), "Ts": data.Ts,
+                            "orders": data.orders, "seconds": data.seconds, "seed": data.seed,
+                    "threads": os.environ["OMP_NUM_THREADS"], "type": data.missing[0].dtype.name}
+            with open(WHERE, "w") as file:
+                json.dump(told, file)
+            self.details = {"loss": np.float32(0.5), "stop": "well", "more": told}
 
         def simulate(self, u, y_init):
             return np.concatenate([y_init, u[len(y_init):]]) / 3.0
     """
     given = task(None)
-    outcome = solve(written(tmp_path, body), 7.5, given)
+    outcome = solve(written(tmp_path, body.replace("WHERE", repr(str(tmp_path / "told.json")))), 7.5, given)
     assert outcome.status == "ok"
-    sent, got = given.data(7.5, 3), dict(outcome.details)
+    assert outcome.details == {"loss": 0.5, "stop": "well"}  # what the contract has no name for is left out
+    sent, got = given.data(7.5, 3), json.loads((tmp_path / "told.json").read_text())
     for name in ("u", "y", "missing"):
         assert got[name] == [v.tobytes().hex() for v in getattr(sent, name)]
     assert (got["Ts"], got["orders"], got["seconds"], got["seed"]) == (0.1, None, 7.5, 3)
