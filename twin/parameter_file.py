@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file, write_text
+from sysid.base.files import check_regular_file, toml_values, write_text
 from twin.hardware.actuator import check_rotor
 from twin.hardware.linkage import end_angles
 from twin.parameters import JOINTS, TABLE, Parameters, Row
@@ -123,7 +123,7 @@ def _text(path: Path) -> str:
 def _parse_toml(text: str) -> dict[str, Any]:
     """The tables of a TOML text; raises _DamagedError with the line."""
     try:
-        return tomllib.loads(text)
+        return toml_values(text)
     except tomllib.TOMLDecodeError as error:
         message, _, place = str(error).partition(" (at ")
         number = re.match(r"line (\d+)", place)

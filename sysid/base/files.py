@@ -10,7 +10,9 @@ import hashlib
 import json
 import os
 import platform
+import re
 import stat
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import metadata
@@ -30,6 +32,9 @@ _SPECIAL_FILES = {
 }
 _NAME_ERRORS = {errno.ENAMETOOLONG: "is too long for a name of a file", errno.ELOOP: "is a link to itself"}
 CHECK = "check"
+DEEPEST = 50  # parts of a dotted name in TOML; those of this program have three
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*"""
+_DEEP = re.compile(rf"(?<![\w-])(?:{_PART}\.[ \t]*){{{DEEPEST}}}")
 DAMAGED, UNSEALED = "damaged", "unsealed"
 VERSIONED_PACKAGES = ("qpal", "mujoco", "numpy", "scipy", "numba", "control")
 
@@ -74,6 +79,16 @@ def read_limited(path: str | os.PathLike[str], most: int) -> bytes:
     if content is None or len(content) > most:
         raise InputError(f"{Path(path).name} is larger than {most / 2**20:g} MiB; qpal writes no such file")
     return content
+
+
+def toml_values(text: str) -> dict[str, Any]:
+    """The values of a TOML text. Raises tomllib's ValueError, and RecursionError for names of `DEEPEST` parts or more.
+
+    The time that tomllib takes grows with the square of their number.
+    """
+    if _DEEP.search(text):
+        raise RecursionError(f"a name has more than {DEEPEST} parts")
+    return tomllib.loads(text)
 
 
 @contextmanager

@@ -82,6 +82,19 @@ class TransferFunction(Block):
         F1 = 1.0 + f.sum()
         return float(b.sum() / F1) if abs(F1) > ROUNDING else np.inf
 
+    def lowered(self, theta: np.ndarray, level: float) -> np.ndarray:
+        """theta for an input that is lower by `level`: the output is lower by gain times level, from its first sample.
+
+        A constant input u and output y need the initial state y (1 + f1 + ... + ft) - u (b0 + ... + bt).
+        """
+        gain = self.gain(theta)
+        if not self.initial_state or not np.isfinite(gain):
+            return theta
+        B, F = self.padded(theta)
+        changed = theta.copy()
+        changed[self.states] -= level * (gain * np.cumsum(F) - np.cumsum(B))[:-1]
+        return changed
+
     def admissible(self, theta: np.ndarray) -> bool:
         if self.stability == "free" or self.nf == 0:
             return True

@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file, write_text
+from sysid.base.files import check_regular_file, toml_values, write_text
 from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
@@ -36,7 +35,7 @@ def read_map(path: str | os.PathLike[str]) -> ChannelMap:
     source = Path(path)
     text = _text(source)
     try:
-        document = tomllib.loads(text)
+        document = toml_values(text)
     except ValueError as error:
         message, _, place = str(error).partition(" (at ")
         line = re.match(r"line (\d+)", place)

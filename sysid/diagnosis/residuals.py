@@ -135,7 +135,7 @@ def residual_tests(
         raise InputError(f"residuals have {N} samples and the input {len(u)}; give both the same length")
     if 2 * max_lag >= N:
         raise InputError(f"{N} residuals are too few for lags up to {max_lag}; give more than {2 * max_lag}")
-    e, u = e - e.mean(), u - u.mean()
+    e, u = _of_size_one(e - e.mean()), _of_size_one(u - u.mean())
     Re, Ru = _covariance(e, e, max_lag), _covariance(u, u, max_lag)
     scale_e, scale_u = Re[max_lag] or 1.0, Ru[max_lag] or 1.0
     z = float(ndtri(0.5 + level / 2.0))
@@ -155,6 +155,11 @@ def residual_tests(
         level=level,
         independence_p=_independence_p_value(e, u, max_lag, past),
     )
+
+
+def _of_size_one(x: np.ndarray) -> np.ndarray:
+    """x by a power of two, which changes no digit, so that no fourth power of it overflows."""
+    return np.ldexp(x, -int(np.frexp(np.abs(x).max(initial=0.0))[1]))
 
 
 def _independence_p_value(e: np.ndarray, u: np.ndarray, max_lag: int, past: bool) -> float:

@@ -118,14 +118,15 @@ def _replaced(model: Chain, thetas: np.ndarray, k: int, form: Form) -> tuple[Cha
         parts[beside] = parts[beside] @ law.M.T
         theta = np.sort(form.gain * theta) if is_last else theta
     blocks[k], parts[k] = form.block, np.tile(theta, (len(thetas), 1))
-    level = form.level
+    level = form.level if is_last else form.level / form.gain  # what follows takes the block's own output
     for j in range(k + 1, len(blocks)):
         block = blocks[j]
         if isinstance(block, PiecewiseLinear):
-            parts[j], level = np.array([block.output(row, np.array(block.at) + level) for row in parts[j]]), 0.0
+            blocks[j], level = replace(block, at=tuple((np.array(block.at) - level).tolist())), 0.0
         elif isinstance(block, Offset):
             parts[j], level = parts[j] + level, 0.0
         elif isinstance(block, TransferFunction):
+            parts[j] = np.array([block.lowered(row, level) for row in parts[j]])
             level *= block.gain(parts[j][0])
     if len(with_offset(blocks, 1, "free")) > len(blocks):
         blocks.append(Offset(role="offset", found=True))

@@ -137,9 +137,9 @@ def identify_file(
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:
     """Raises InputError for a file that is given twice: it would count double, or be no unseen data."""
-    places: set[Path] = set()
+    places: set[str] = set()
     for path in (*paths, *validation):
-        place = Path(path).resolve()
+        place = os.path.realpath(path)  # `Path.resolve` raises for a link to itself
         if place in places:
             raise InputError(f"{path} is given twice; name each file once, for the fit or with --validation")
         places.add(place)

@@ -57,7 +57,7 @@ class Session:
         Raises InputError for a folder of other files, one that cannot be written to, one that another app has open,
         and a session of a newer version.
         """
-        session = cls(Path(folder).resolve())
+        session = cls(Path(os.path.realpath(folder)))  # `Path.resolve` raises for a link to itself
         try:
             session._prepare(folder)
             session._read()

@@ -42,8 +42,8 @@ def within_reason() -> Iterator[None]:
     for name, pattern in UNDERSTOOD.items():
         if not re.fullmatch(pattern, os.environ.get(name, ""), re.ASCII) and name in os.environ:
             former[name] = os.environ.pop(name)
-    # Where a disk is full it says so in its own words, and reads the fonts again the next time.
-    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
+    # Where a disk is full or the home cannot be written to it says so in its own words, and does without its cache.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         with warnings.catch_warnings():
             if any(option.partition(":")[0].startswith("e") for option in sys.warnoptions):

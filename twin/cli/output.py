@@ -122,7 +122,8 @@ def _scratch(folder: Path, reserve: Callable[[], tuple[Path, Path]], claimed: bo
         try:
             foreign = results.move(scratch, folder, claimed)
         except OSError as error:
-            raise _not_writable(folder, error) from None
+            stands = f"; {results.outcome()}" if results.is_written() else ""  # a file beside the folder
+            raise InputError(f"{_not_writable(folder, error)}{stands}") from None
         if foreign:
             rest = f" and {len(foreign) - MANY} more" if len(foreign) > MANY else ""
             say(f"qpal: files of the same name were replaced in {folder}: {', '.join(foreign[:MANY])}{rest}")
@@ -176,14 +177,14 @@ def _full(folder: Path, error: OSError) -> str:
     if error.errno == errno.EFBIG:
         return (
             f"cannot write to {folder} ({error.strerror}): a limit of this shell or of the disk ends a file, see "
-            "ulimit -f; nothing was written"
+            f"ulimit -f; {results.outcome()}"
         )
     if error.errno not in (errno.ENOSPC, errno.EDQUOT):
         return ""
     for place in (folder.absolute().parent, Path(tempfile.gettempdir())):
         with suppress(OSError):
             if error.errno == errno.EDQUOT or shutil.disk_usage(place).free < LITTLE:
-                return f"cannot write to {folder} ({error.strerror} in {place}); nothing was written; free some space"
+                return f"cannot write to {folder} ({error.strerror} in {place}); {results.outcome()}; free some space"
     return ""
 
 

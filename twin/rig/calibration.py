@@ -1,6 +1,5 @@
 """What a rig is: its port, how a joint is wired to it, counts to angles, and limits. A small TOML file in SI units."""
 
-import tomllib
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file, write_text
+from sysid.base.files import read_limited, toml_values, write_text
 from twin.rig import wire
 
 Kind = TypeVar("Kind", bound=BaseModel)
@@ -221,6 +220,7 @@ def _whole(value: float, most: int = 2**16 - 1) -> int:
     return int(np.clip(round(value), 1, most))
 
 
+MOST = 10**6  # [byte] of a calibration, which has about a thousand
 REMEDY = "correct it, or make the file anew with qpal rig wire"
 
 
@@ -231,12 +231,12 @@ def read(path: str | Path) -> Calibration:
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """The values in a rig's file. Raises InputError for one that is missing, or is no TOML file."""
-    source = check_regular_file(path)
+    source = Path(path)
     try:
-        return tomllib.loads(source.read_text(encoding="utf-8"))
+        return toml_values(read_limited(source, MOST).decode("utf-8"))
     except OSError as error:
         raise InputError(f"{source}: {error.strerror}; make it with qpal rig wire") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(
             f"{source} is no TOML file ({error}); correct it, or make it anew with qpal rig wire"
         ) from None
