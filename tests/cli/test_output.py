@@ -241,6 +241,7 @@ def test_a_read_only_disk_is_told(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])
 def test_a_full_disk_is_told_with_the_folder_and_leaves_nothing(number, tmp_path, monkeypatch):
+    output.results.begin()  # a run; what those before it wrote is not its own
     monkeypatch.setattr(output.shutil, "disk_usage", lambda place: shutil._ntuple_diskusage(10**6, 10**6, 100))
     told = pytest.raises(InputError, match=rf"cannot write to .*out .*{os.strerror(number)}.*nothing was written")
     with told, run_folder(str(tmp_path / "out"), "info"):
