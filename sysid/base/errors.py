@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 WORD, TEXT = 500, 2000  # characters; a damaged file may have names of a million
 BLANKS = "\n\t\xa0\u202f"
@@ -12,20 +13,39 @@ class InputError(ValueError):
 
     def __init__(self, *said: object) -> None:
         """Names of damaged files are in it: what no terminal takes is written as \\x1b, what is long is cut."""
-        super().__init__(*(_readable(s) if isinstance(s, str) else s for s in said))
+        super().__init__(*(readable(s) if isinstance(s, str) else s for s in said))
 
 
 def printable(text: str) -> str:
-    """The text with what steers a terminal written as \\x1b."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c in BLANKS else ascii(c)[1:-1] for c in text)
+    """The text with what steers a terminal, or turns the direction of reading, written as \\x1b or \\u202e."""
+    return text if text.isprintable() else _OTHER.sub(_escaped, text)
 
 
-def _readable(text: str) -> str:
+def readable(text: str) -> str:
+    """The text as it is shown, on every way out: `printable`, and words and lines that are too long cut."""
     text = printable(text)
-    text = re.sub(rf"\S{{{WORD},}}", lambda word: f"{word[0][:200]}...{word[0][-200:]}", text)
-    return text if len(text) <= TEXT else f"{text[: TEXT // 2]} ... {text[-TEXT // 2 :]}"
+    if len(text) < WORD:
+        return text
+    text = _LONG_WORD.sub(lambda word: f"{word[0][:200]}...{word[0][-200:]}", text)
+    return _LONG_LINE.sub(lambda line: f"{line[0][: TEXT // 2]} ... {line[0][-TEXT // 2 :]}", text)
+
+
+def readable_values(value: Any) -> Any:
+    """A document of JSON with all its texts and names `readable`."""
+    if isinstance(value, str):
+        return readable(value)
+    if isinstance(value, dict):
+        return {readable_values(key): readable_values(entry) for key, entry in value.items()}
+    return [readable_values(entry) for entry in value] if isinstance(value, list) else value
+
+
+_OTHER = re.compile(r"[^\n\t -~]")  # what may have to be escaped; letters of other alphabets are among it
+_LONG_WORD, _LONG_LINE = re.compile(rf"\S{{{WORD},}}"), re.compile(rf".{{{TEXT + 1},}}")
+
+
+def _escaped(match: re.Match[str]) -> str:
+    c = match[0]
+    return c if c.isprintable() or c in BLANKS else ascii(c)[1:-1]
 
 
 def unknown(what: str, got: str, allowed: Iterable[str]) -> InputError:

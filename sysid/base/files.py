@@ -21,7 +21,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, printable
 from sysid.base.locks import sweep_once, temporary_name
 
 _SPECIAL_FILES = {
@@ -113,7 +113,7 @@ def atomic_file(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` whole or not at all. Raises InputError if the folder is missing or not writable."""
+    """Write `text` whole or not at all, as `printable` has it; raises InputError where the place is not writable."""
     target = Path(path)
     try:
         os.fsencode(target)
@@ -125,7 +125,7 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
         raise InputError(f"cannot write {target}: folder {target.parent} does not exist; choose a folder that exists")
     try:
         with atomic_file(target) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="\n")
+            temporary.write_text(printable(text), encoding="utf-8", newline="\n")
     except OSError as e:
         raise InputError(
             f"cannot write {target}: {e.strerror}; choose a folder or a file that you may write to"
@@ -227,6 +227,19 @@ def json_value(value: Any) -> Any:
     if isinstance(value, (complex, np.complexfloating)):
         return [json_value(float(value.real)), json_value(float(value.imag))]
     return int(value) if isinstance(value, np.integer) else value
+
+
+def json_text(value: Any, **layout: Any) -> str:
+    """JSON with letters as they are, and with what `printable` escapes written as \\u001b: it reads back the same."""
+    text = json.dumps(value, ensure_ascii=False, allow_nan=False, **layout)
+    return text if text.isprintable() else _OTHER.sub(_escaped_in_json, text)
+
+
+_OTHER = re.compile(r"[^\n -~]")
+
+
+def _escaped_in_json(match: re.Match[str]) -> str:
+    return match[0] if printable(match[0]) == match[0] else json.dumps(match[0])[1:-1]
 
 
 def versions() -> dict[str, str]:

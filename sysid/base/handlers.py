@@ -7,6 +7,8 @@ belongs to its own, and that room is the only one that is found so: it lies on t
 from importlib import import_module
 from typing import Any
 
+from sysid.base.errors import readable
+
 ROOM = "sysid.notebook"
 MODULES = {
     "IOData": "results",
@@ -32,10 +34,10 @@ class Shown:
     """A result that shows itself: a line as `repr`, one screen as `str`, and the same screen in a notebook."""
 
     def __repr__(self) -> str:
-        return str(handler(self).line(self))
+        return readable(str(handler(self).line(self)))
 
     def __str__(self) -> str:
-        return str(handler(self).card(self).text())
+        return readable(str(handler(self).card(self).text()))
 
     def _repr_html_(self) -> str:
         return str(handler(self).card(self).html())

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, printable, readable
 from sysid.base.files import check_regular_file, toml_values, write_text
 from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
 
@@ -91,7 +91,7 @@ def _entries(table: str, entry: BaseModel, remarks: Mapping[str, str]) -> Iterat
 
 def _plain(text: str) -> str:
     """A text that may stand in a comment: a column's name may hold anything."""
-    return "".join(c if c.isprintable() else " " for c in text)
+    return " ".join(readable(text).split())
 
 
 def _toml(value: Any) -> str:
@@ -101,7 +101,8 @@ def _toml(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+        text = json.dumps(value, ensure_ascii=False)
+        return "".join(c if printable(c) == c else f"\\U{ord(c):08x}" for c in text)
     return repr(value)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import readable
 from sysid.base.style import log_axis
 from sysid.drawing.departure import spread_axis
 from sysid.drawing.figure import (
@@ -28,6 +29,7 @@ from sysid.drawing.figure import (
     Stems,
     View,
     has_area,
+    with_text,
 )
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
 
     Raises InputError for another number of axes than there are panels.
     """
+    figure = with_text(figure, readable)
     shown = [(panel, view) for panel in figure.panels for view in panel.views or (None,)]
     columns = min(max(figure.columns, max((len(p.views) for p in figure.panels), default=1)), max(len(shown), 1))
     rows = -(-len(shown) // columns)

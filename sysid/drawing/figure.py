@@ -7,13 +7,14 @@ An item with a `label` is named in the legend unless `key` is False; lines of on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import readable
 from sysid.base.quantities import Quantity
 
 TIME = "time [s]"
@@ -245,6 +246,24 @@ class Figure:
     marks: Sequence[Rule | Span] = ()
     said: Sequence[str] = ()
     legend: Literal["panels", "above", "below"] = "panels"
+
+
+def with_text(thing: Any, shown: Callable[[str], str], name: str = "") -> Any:
+    """A description with every text in it as `shown` gives it; names of channels and of models come from files.
+
+    Texts of a hover have marks of their own, and sentences go to the caption: both are only made `readable`.
+    """
+    if isinstance(thing, str):
+        return readable(thing) if name in ("texts", "said") else shown(thing)
+    if isinstance(thing, list | tuple):
+        return type(thing)(with_text(entry, shown, name) for entry in thing) if _has_text(thing) else thing
+    if is_dataclass(thing) and not isinstance(thing, type):
+        return replace(thing, **{f.name: with_text(getattr(thing, f.name), shown, f.name) for f in fields(thing)})
+    return thing
+
+
+def _has_text(entries: Sequence[Any]) -> bool:
+    return any(isinstance(entry, str) or is_dataclass(entry) for entry in entries)
 
 
 def borders(lengths: Sequence[int], Ts: float, start: float = 0.0) -> list[Rule]:

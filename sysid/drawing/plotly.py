@@ -6,11 +6,13 @@ number of panels that stand beside each other, which a narrow window puts below 
 """
 
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import readable
 from sysid.drawing.figure import (
     Axis,
     Bars,
@@ -19,6 +21,7 @@ from sysid.drawing.figure import (
     Rule,
     Span,
     Stems,
+    with_text,
 )
 from sysid.drawing.traces import PAPER, area_fill, traces_of
 
@@ -35,6 +38,7 @@ MARGIN = {"l": 62, "r": 14, "t": 62, "b": 48}
 
 def plotly(figure: Figure) -> Plotly:
     """The figure with traces, axes, legend, and buttons where a panel can be seen in several ways."""
+    figure = with_text(figure, as_text)
     panels = figure.panels
     columns = len(panels) if figure.columns > 1 and not any(panel.y.names for panel in panels) else 1
     one_axis = figure.shared and columns == 1
@@ -59,6 +63,11 @@ def plotly(figure: Figure) -> Plotly:
     if figure.said:
         layout["meta"] = {**layout.get("meta", {}), "said": " ".join(dict.fromkeys(figure.said))}
     return {"data": traces, "layout": layout}
+
+
+def as_text(text: str) -> str:
+    """A text for plotly, which would take <b> and %{y} in it for marks of its own."""
+    return escape(readable(text), quote=False).replace("%{", "&#37;{")
 
 
 def base_layout(height: int) -> Plotly:

@@ -3,7 +3,6 @@
 A field added to `Fit` or to a block needs no change here. The file includes derived criteria for its reader.
 """
 
-import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
@@ -17,7 +16,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Strict, ValidationE
 from pydantic import Field as Entry
 
 from sysid.base.errors import InputError, unknown
-from sysid.base.files import write_text
+from sysid.base.files import json_text, write_text
 from sysid.block.block import Block
 from sysid.blocks import TABLE
 
@@ -68,14 +67,14 @@ def build(kind: type[T], values: Any) -> T:
 
 def lines(value: Any, indent: int = 0) -> str:
     """JSON laid out for reading: values that fit on a line, and all rows of numbers, are on one line."""
-    flat = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    flat = json_text(value)
     entries = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
     row = isinstance(value, list) and not any(isinstance(v, (dict, list, str)) for v in value)
     if not entries or row or len(flat) + 2 * indent <= _WIDTH:
         return flat
     pad, close = "  " * (indent + 1), "  " * indent
     if isinstance(value, dict):
-        rows = [f"{pad}{json.dumps(k, ensure_ascii=False)}: {lines(v, indent + 1)}" for k, v in value.items()]
+        rows = [f"{pad}{json_text(k)}: {lines(v, indent + 1)}" for k, v in value.items()]
         return "{\n" + ",\n".join(rows) + f"\n{close}}}"
     return "[\n" + ",\n".join(f"{pad}{lines(v, indent + 1)}" for v in value) + f"\n{close}]"
 

@@ -55,6 +55,7 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
     except (RecursionError, ValueError) as e:
         raise InputError(f"{source} is not a fit that save() wrote ({e}); give another file") from None
     try:
+        _check_letters(document)
         if not isinstance(document, dict) or str(document.get("format")) not in formats:
             names = " or ".join(repr(name) for name in formats)
             other = isinstance(document, dict) and "format" in document
@@ -65,6 +66,17 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
         return formats[str(document["format"])](document)
     except InputError as e:
         raise InputError(f"{source}: {e}") from None
+
+
+def _check_letters(document: Any) -> None:
+    """Raises InputError for half of a letter, which JSON can name and no file can hold."""
+    try:
+        json.dumps(document, ensure_ascii=False).encode()
+    except UnicodeEncodeError as e:
+        raise InputError(
+            f"a text or name in it holds \\u{ord(e.object[e.start]):04x}, half of a letter, near "
+            f"{e.object[max(e.start - 20, 0) : e.start]!r}; correct that text, or save the fit again"
+        ) from None
 
 
 def _refuse_constant(constant: str) -> NoReturn:

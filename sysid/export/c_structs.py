@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.base.errors import readable
 from sysid.block.compiler.text import word
 from sysid.block.writing import CCode
 from sysid.export.program import AnyFit, Program, channel_counts
 from sysid.model.wiring import Unit
 
+LONGEST = 60  # letters of a text from a file in a comment
 LIBM = ("exp", "log", "sqrt", "pow", "sin", "cos", "tanh", "floor")
 CALLED = re.compile(rf"\b({'|'.join(LIBM)})\(")
 
@@ -40,7 +42,7 @@ class Structs:
         self.n_in, self.n_out = channel_counts(fit)
         self.single_channel = self.n_in == self.n_out == 1
         origin = fit.origin
-        self.u_unit, self.y_unit = (origin.u_unit, origin.y_unit) if origin else ("", "")
+        self.u_unit, self.y_unit = map(in_comment, (origin.u_unit, origin.y_unit) if origin else ("", ""))
         self.units = {unit.name: unit for layer in program.layers for row in layer for unit, _ in row}.values()
         short = {unit.name: re.sub(r"^block\d+_", "", unit.name) for unit in self.units}
         count = Counter(short.values())
@@ -165,6 +167,12 @@ void {name}_init({name}_state *s, const {name}_params *p);
 
 
 _newline, _newline_in, _blank = "\n", "\n   ", "\n\n"
+
+
+def in_comment(text: str) -> str:
+    """A text that comes from a file, for a comment of C, which it cannot end: on one line, and cut where it is long."""
+    words = " ".join(readable(text).split()).replace("*/", "* /").replace("/*", "/ *").replace("\\", "/")
+    return words if len(words) <= LONGEST else f"{words[: LONGEST - 3]}..."
 
 
 def _struct(lines: list[str], name: str) -> str:

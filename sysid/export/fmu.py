@@ -20,11 +20,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, readable
 from sysid.base.files import atomic_file, versions
 from sysid.block.writing import number
 from sysid.export.c import Source, written_source
-from sysid.export.c_structs import Value
+from sysid.export.c_structs import Value, in_comment
 from sysid.export.program import AnyFit, Offset, channel_counts
 
 VERSIONS = ("3.0", "2.0")
@@ -175,8 +175,8 @@ class _Description:
         n_in, n_out = channel_counts(self.fit)
         found = [_Variable("time", "independent", "continuous", "", Value("time", 0.0, "s"))]
         for letter, n, causality in (("u", n_in, "input"), ("y", n_out, "output")):
-            unit = getattr(origin, f"{letter}_unit") if origin else ""
-            said = getattr(origin, f"{letter}_name") if origin else ""
+            unit = in_comment(getattr(origin, f"{letter}_unit")) if origin else ""
+            said = readable(getattr(origin, f"{letter}_name")) if origin else ""
             levels = _resting(self.source) if letter == "u" else [0.0] * n
             for i in range(n):
                 value = Value(letter if n == 1 else f"{letter}{i + 1}", levels[i], unit)

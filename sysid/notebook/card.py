@@ -4,9 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
+from sysid.base.errors import readable
+
 LINES = 40  # of text on one screen, what is folded away not counted
 WIDTH = 110
 _CELL = "padding:1px 10px 1px 0;text-align:{};border:none;background:none"
+
+
+def _text(text: str) -> str:
+    return escape(readable(text))
 
 
 @dataclass(frozen=True)
@@ -50,14 +56,14 @@ class Table:
         body = "".join(
             "<tr>" + "".join(self._cell("td", j, text) for j, text in enumerate(row)) + "</tr>" for row in self.shown
         )
-        caption = f'<div style="margin-top:.5em"><b>{escape(self.caption)}</b></div>' if self.caption else ""
-        more = f"<div>{escape(self.more)}</div>" if self.more else ""
+        caption = f'<div style="margin-top:.5em"><b>{_text(self.caption)}</b></div>' if self.caption else ""
+        more = f"<div>{_text(self.more)}</div>" if self.more else ""
         table = f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody>"
         return f'{caption}<table style="border-collapse:collapse;margin:0;font-size:inherit">{table}</table>{more}'
 
     def _cell(self, tag: str, j: int, text: str) -> str:
         side = "left" if j < self.text_columns else "right"
-        return f'<{tag} style="{_CELL.format(side)}">{escape(text)}</{tag}>'
+        return f'<{tag} style="{_CELL.format(side)}">{_text(text)}</{tag}>'
 
 
 @dataclass(frozen=True)
@@ -91,21 +97,21 @@ class Card:
     def html(self) -> str:
         """A fragment for a notebook; every text is escaped, and colours are those of the page."""
         facts = "".join(
-            f'<tr><td style="{_CELL.format("left")}">{escape(name)}</td>'
-            f'<td style="{_CELL.format("left")}">{escape(value)}</td></tr>'
+            f'<tr><td style="{_CELL.format("left")}">{_text(name)}</td>'
+            f'<td style="{_CELL.format("left")}">{_text(value)}</td></tr>'
             for name, value in self.facts
         )
-        parts = [f"<div><b>{escape(self.title)}</b></div>", *(f"<div>{escape(text)}</div>" for text in self.first)]
+        parts = [f"<div><b>{_text(self.title)}</b></div>", *(f"<div>{_text(text)}</div>" for text in self.first)]
         parts += (
             [f'<table style="border-collapse:collapse;margin:0;font-size:inherit"><tbody>{facts}</tbody></table>']
             if facts
             else []
         )
         parts += [table.html() for table in self.tables]
-        parts += [f"<div>{escape(sentence)}</div>" for sentence in self.sentences]
+        parts += [f"<div>{_text(sentence)}</div>" for sentence in self.sentences]
         for table in self.folded:
             whole = Table(table.headings, table.rows, "", table.text_columns, len(table.rows))
-            parts.append(f"<details><summary>{escape(table.caption)}</summary>{whole.html()}</details>")
+            parts.append(f"<details><summary>{_text(table.caption)}</summary>{whole.html()}</details>")
         return f'<div style="font-size:90%">{"".join(parts)}</div>'
 
 

@@ -15,6 +15,7 @@ from sysid.base.poles import ON_CIRCLE, time_constant
 from sysid.base.quantities import number, pole
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Axis, Figure, Item, Line, Mark, Panel, Points, Region, Rule, View
+from sysid.drawing.plotly import as_text
 from sysid.uncertainty.intervals import Interval, Root
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def _meaning(root: Root | complex, name: str, Ts: float) -> str:
     """What a root means for the motion, for a hover."""
     z = _value(root)
     sign = "" if abs(z.imag) < 5e-5 else f" {'−' if z.imag < 0 else '+'} {abs(z.imag):.4f}i"
-    lines = [f"<b>{name}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
+    lines = [f"<b>{as_text(name)}</b> z = {pole(complex(z.real))}{sign}", f"|z| = {number(abs(z), 5)}"]
     estimate = root if isinstance(root, Root) else None
     if z != 0 and abs(z - 1.0) > ON_CIRCLE:
         s = np.log(complex(z)) / Ts

@@ -9,7 +9,7 @@ import polars as pl
 
 from sysid.base import style
 from sysid.base.errors import InputError
-from sysid.base.files import json_value
+from sysid.base.files import json_value, write_text
 from sysid.bench import leaderboard as boards
 from sysid.bench import presentation
 from sysid.bench.cell import Redrawn
@@ -77,13 +77,13 @@ def write(
     pictures = {} if redraw is None else _pictures(board, redraw, drawn)
     page = front(board, verdict, pictures)
     (folder / FOLDER).mkdir()
-    (folder / REPORT).write_text(page.html(), encoding="utf-8")
-    (folder / plots.SCRIPT).write_text(script(), encoding="utf-8")
+    write_text(folder / REPORT, page.html())
+    write_text(folder / plots.SCRIPT, script())
     for scenario, scenario_page in scenario_pages(board, pictures):
-        (folder / FOLDER / file_name(scenario)).write_text(scenario_page.html(), encoding="utf-8")
-    (folder / TABLES).write_text(tables(board), encoding="utf-8")
+        write_text(folder / FOLDER / file_name(scenario), scenario_page.html())
+    write_text(folder / TABLES, tables(board))
     summary_values = summary(board, verdict)
-    (folder / "summary.json").write_text(to_json(summary_values), encoding="utf-8")
+    write_text(folder / "summary.json", to_json(summary_values))
     return summary_values
 
 

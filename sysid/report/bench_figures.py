@@ -15,7 +15,7 @@ from sysid.bench.cell import Redrawn
 from sysid.bench.leaderboard import CLAIMED, profile
 from sysid.bench.table import BAR
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel
-from sysid.drawing.plotly import LOG, Plotly, base_layout, side
+from sysid.drawing.plotly import LOG, Plotly, as_text, base_layout, side
 
 ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
@@ -45,7 +45,7 @@ def cost(board: pl.DataFrame, ours: Collection[str]) -> Plotly:
         for row in board.filter(pl.col("family") == family).iter_rows(named=True):
             if row["method"] == BAR or row["seconds"] is None:
                 continue
-            text = f"{row['method']}: {row['lost']:.3f} points, {row['seconds']:.3g} s, {row['n']} tasks"
+            text = f"{as_text(row['method'])}: {row['lost']:.3f} points, {row['seconds']:.3g} s, {row['n']} tasks"
             look = _look(row["method"], names, ours)
             mark = {"size": 11, "color": look["color"], "symbol": "circle" if row["method"] in ours else "diamond-open"}
             traces.append(
@@ -54,11 +54,11 @@ def cost(board: pl.DataFrame, ours: Collection[str]) -> Plotly:
                     "mode": "markers+text",
                     "x": [row["seconds"]],
                     "y": [max(row["lost"], 1e-3)],
-                    "text": [row["method"]],
+                    "text": [as_text(row["method"])],
                     "textposition": "top center",
                     "hovertext": [text],
                     "hoverinfo": "text",
-                    "name": row["method"],
+                    "name": as_text(row["method"]),
                     "marker": mark,
                 }
             )
@@ -73,18 +73,19 @@ def calibration(frame: pl.DataFrame, board: pl.DataFrame, ours: Collection[str])
     """Share of intervals that hold the truth by family and method, with Wilson's intervals and the claimed line."""
     names, traces = _names(board), list[Plotly]()
     for name in sorted(frame["method"].unique()):
+        shown = as_text(name)
         own_rows = frame.filter((pl.col("method") == name) & (pl.col("intervals") > 0))
         rate, low, high = (100 * own_rows[f"held_{end}"].to_numpy() for end in ("rate", "low", "high"))
         traces.append(
             {
                 "type": "scatter",
                 "mode": "markers",
-                "x": own_rows["family"].to_list(),
+                "x": [as_text(family) for family in own_rows["family"]],
                 "y": _plain(rate),
                 "error_y": {"array": _plain(high - rate), "arrayminus": _plain(rate - low), "thickness": 1.2},
-                "name": name,
+                "name": shown,
                 "marker": {"size": 9, "color": _look(name, names, ours)["color"]},
-                "hovertext": [f"{name}: {h} of {n} hold" for h, n in own_rows.select("held", "intervals").iter_rows()],
+                "hovertext": [f"{shown}: {h} of {n} hold" for h, n in own_rows.select("held", "intervals").iter_rows()],
             }
         )
     layout = _layout("family", "intervals that hold the truth [%]")
@@ -137,7 +138,7 @@ def _profiles(
                     "mode": "lines",
                     "x": _plain(frame["tau"].to_numpy()),
                     "y": _plain(100 * frame[name].to_numpy()),
-                    "name": name,
+                    "name": as_text(name),
                     # wide lines first, so that of lines that coincide the first ones show as rims
                     "line": {"shape": "hv", **_look(name, names, ours), "width": 2 + 2 * (len(frame.columns) - 1 - k)},
                 }
@@ -167,7 +168,7 @@ def _by_family(traces: list[Plotly], groups: list[str], families: list[str], lay
     for trace, family in zip(traces, groups, strict=True):
         trace["visible"] = family == families[0]
     buttons = [
-        {"label": family, "method": "restyle", "args": [{"visible": [family == group for group in groups]}]}
+        {"label": as_text(family), "method": "restyle", "args": [{"visible": [family == group for group in groups]}]}
         for family in families
     ]
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "direction": "down"}

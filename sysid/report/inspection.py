@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sysid.base import style
+from sysid.base.errors import readable
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity
 from sysid.channels.signals import Signal as RecordedSignal
@@ -45,7 +46,7 @@ def page(result: Inspection, more: Sequence[str] = ()) -> Page:
             Section(
                 "Mapping",
                 ["How the columns become channels. Save it as a file, edit it, and give it with --map."],
-                listings=[Listing("The mapping as TOML", result.text)],
+                listings=[Listing("The mapping as TOML", readable(result.text))],
             ),
             *([] if s is None else [_record(s)]),
             *([Section("Advice", ["The diagnosis of the record."], [advice_grid(result)])] if result.advice else []),

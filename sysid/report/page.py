@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sysid.base import style
-from sysid.base.files import json_value
+from sysid.base.errors import printable, readable
+from sysid.base.files import json_text, json_value, write_text
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Figure
 from sysid.drawing.plotly import Plotly, plotly
@@ -203,12 +204,19 @@ def _hash(script_text: str) -> str:
 @cache
 def _template() -> "Template":
     import jinja2
+    import markupsafe
 
     source = resources.files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_shown)
     environment.filters["commands"] = _commands
+    environment.filters["whole"] = lambda text: markupsafe.escape(printable(text))
     environment.globals["meaning"] = glossary.meaning
     return environment.from_string(source)
+
+
+def _shown(value: object) -> object:
+    """What the template writes, for each of its places: text from files acts on no reader; markup stays as it is."""
+    return readable(value) if type(value) is str else value
 
 
 # A command ends before a mark at the end of a word, a bracket, and a word that goes on with the sentence.
@@ -223,7 +231,7 @@ def _commands(sentence: object) -> "Markup":
     if isinstance(sentence, Markup):
         return sentence
     text = Markup()
-    for k, part in enumerate(_COMMAND.split(str(sentence))):
+    for k, part in enumerate(_COMMAND.split(readable(str(sentence)))):
         words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in part.split())
         text += Markup("<code>{}</code>").format(words) if k % 2 else escape(_MINUS.sub("−", part))
     return text
@@ -236,13 +244,12 @@ def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
     for picture in page.pictures():
         (figures / f"{picture.name}.png").write_bytes(picture.png)
     for name, text in (("report.html", page.html()), ("summary.json", to_json(summary))):
-        # Bytes of a file name that are no text are written as \\udcff.
-        (folder / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+        write_text(folder / name, text)
 
 
 def to_json(summary: dict[str, Any]) -> str:
     """A summary as strict JSON; numbers that are not finite become null."""
-    return json.dumps(json_value(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(json_value(summary), indent=2) + "\n"
 
 
 def element(figure: Plotly, name: str) -> str:
@@ -272,7 +279,7 @@ def script() -> str:
 def packed(value: Any) -> Any:
     """A figure as JSON values, long lists of numbers as base64."""
     if isinstance(value, dict):
-        return {key: packed(entry) for key, entry in value.items()}
+        return {printable(str(key)): packed(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
         if len(value) > PACKED and all(entry is None or isinstance(entry, int | float) for entry in value):
             doubles = np.array([np.nan if entry is None else entry for entry in value], dtype="<f8")
@@ -280,4 +287,6 @@ def packed(value: Any) -> Any:
         return [packed(entry) for entry in value]
     if isinstance(value, np.generic):
         return packed(value.item())
+    if isinstance(value, str):
+        return printable(value)
     return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -103,9 +103,9 @@ def test_letters_become_what_they_look_like_or_are_called(text, plain):
     assert environment.plain(text) == plain
 
 
-def test_a_byte_of_a_file_name_that_is_no_text_stays_that_byte(monkeypatch):
+def test_a_byte_of_a_file_name_that_is_no_text_is_shown_as_its_number(monkeypatch):
     below = io.BytesIO()
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(below, encoding="utf-8"))
-    environment.prepare()
-    print(os.fsdecode(b"a\xff.csv"), flush=True)
-    assert below.getvalue() == b"a\xff.csv\n"
+    with environment.streams():
+        print(os.fsdecode(b"a\x9b.csv"), flush=True)  # to a terminal of one byte a letter it begins a command
+    assert below.getvalue() == b"a\\udc9b.csv\n"

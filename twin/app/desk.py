@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, readable
 from sysid.base.files import read_limited
 from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
@@ -215,7 +215,8 @@ class Desk:
         """The figures of a model or a study, each with its caption; raises InputError for a damaged file."""
         path = self.session.file(kind, key, "figures.json")
         try:
-            return stored.figures(read_limited(path, MOST))
+            found = stored.figures(read_limited(path, MOST))
+            return {readable(name): {**entry, "caption": readable(entry["caption"])} for name, entry in found.items()}
         except (OSError, ValueError, TypeError, RecursionError):
             raise InputError(f"the figures of {key} are damaged; fit or compare again") from None
 

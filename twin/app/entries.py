@@ -11,9 +11,9 @@ from typing import Annotated, Any, Literal, Self
 from zipfile import ZipFile
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, readable_values
 from sysid.base.files import atomic_file, check_regular_file
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
@@ -32,6 +32,7 @@ LARGEST = 512 * 2**20  # [byte] of a request: a log of some million samples as t
 SMALL = 4 * 2**20  # [byte] of an entry: 500 columns of 100 letters, and a note for each
 MOST = 64 * 2**20  # [byte] of a model's file: a report with plotly is 8 MiB, a table of a network's weights less
 WORD = 200  # letters of a name in a record
+COLUMNS = ("input", "output", "time", "columns")  # of a record: they must stay the names of its file
 FIELDS = ("u_name", "y_name", "u_unit", "y_unit")  # of a record, kept as texts
 
 
@@ -39,6 +40,14 @@ class Entry(BaseModel):
     """A part of a session."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _readable(cls, fields: Any) -> Any:
+        """Another person may have written the session: its texts act on no reader; columns are told by their names."""
+        if not isinstance(fields, dict):
+            return fields
+        return {name: value if name in COLUMNS else readable_values(value) for name, value in fields.items()}
 
     @classmethod
     def from_form(cls, fields: Mapping[str, Any]) -> Self:

@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
-from html import escape
 from itertools import cycle
 from typing import TYPE_CHECKING
 
@@ -70,7 +69,6 @@ def of_record(data: IOData, start: float | None, stop: float | None, height: int
     for trace in figure["data"]:
         trace["mode"] = "lines+markers"  # plotly selects points, not lines
         trace["marker"] = {"size": 1, "opacity": 0.01}
-        trace["name"] = escape(str(trace.get("name", "")))
     return ready(figure)
 
 
@@ -85,8 +83,8 @@ def overlay(models: Mapping[str, Runs]) -> Plotly:
     near_data = ((middle - half) * q.factor, (middle + half) * q.factor) if departs else None
     lines = [Line(runs[0].t, scaled(runs[0].y, q.factor), "measured", style.INK, 1.8)]
     for (name, model_runs), colour in zip(models.items(), cycle(style.COLOURS), strict=False):
-        lines.append(Line(model_runs.t, scaled(model_runs.run, q.factor), escape(name), colour, 1.2))
-    axis = Axis(escape(q.label), escape(q.name), escape(q.unit), near=near_data)
+        lines.append(Line(model_runs.t, scaled(model_runs.run, q.factor), name, colour, 1.2))
+    axis = Axis.of(q, near=near_data)
     borders = [Rule(border, dash="dot") for border in dict.fromkeys(model_runs.border for model_runs in runs)]
     return ready(plotly(Figure([Panel(lines, axis, Axis.time(), weight=1.6)], marks=borders)))
 

@@ -16,8 +16,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     standard error. 130: stopped; the line says what was written.
     """
     try:
-        with Stopping(program=arguments is None) as stopping, environment.within_reason():
-            environment.prepare()
+        with Stopping(program=arguments is None) as stopping, environment.within_reason(), environment.streams():
             if sentence := environment.no_room() or environment.no_threads():  # before the libraries load
                 return _fail(sentence)
             return _run(arguments, stopping)

@@ -320,9 +320,7 @@ VERBS: dict[str, Callable[..., None]] = {
 
 
 def _say(summary: dict, as_json: bool, *sentences: str) -> None:
-    from sysid.report.page import to_json
-
     if as_json:
-        sys.stdout.write(to_json(summary))
+        console.show_json(summary)
     else:
         print("\n".join(sentences))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sysid.base.errors import InputError, unknown
-from twin.cli import options
+from twin.cli import console, options
 from twin.cli.output import check_writable_file
 from twin.parameters import JOINTS
 
@@ -187,9 +187,7 @@ def speaker(as_json: bool) -> Callable[[str], None]:
 
 
 def say(summary: dict[str, Any], as_json: bool, *sentences: str) -> None:
-    from sysid.report.page import to_json
-
     if as_json:
-        sys.stdout.write(to_json(summary))
+        console.show_json(summary)
     else:
         print("\n".join(sentences))

@@ -9,8 +9,9 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any
 
+from sysid.base.errors import readable
 from sysid.report.page import Grid, to_json
-from twin.cli.environment import say
+from twin.cli.environment import raw, say
 from twin.cli.results import is_written
 
 
@@ -137,20 +138,20 @@ def progress(
     class Bar(Progress):
         def get_renderables(self) -> Iterable[RenderableType]:
             yield from super().get_renderables()
-            yield from (Text(line, no_wrap=True, overflow="crop") for line in below())
+            yield from (Text(readable(line), no_wrap=True, overflow="crop") for line in below())
 
     columns = (
         TextColumn("{task.percentage:>3.0f} %"),
         BarColumn(24),
         TimeElapsedColumn(),
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
     )
-    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(*columns, console=Console(file=raw(sys.stderr)), transient=True) as bar:
         task, start = bar.add_task("", total=total), time.monotonic()
 
         def update(share: float, name: str) -> None:
             time_left = _time_left(time.monotonic() - start, share / total) if known else ""
-            bar.update(task, completed=min(share, total), description=f"{name}{time_left}")
+            bar.update(task, completed=min(share, total), description=readable(f"{name}{time_left}"))
 
         receiver = Steps(update, shares)
         with _every((1.0,), receiver.tick):
@@ -220,18 +221,25 @@ def show(grid: Grid) -> None:
     """A table on standard output; full width if the output goes into a file."""
     from rich import box
     from rich.console import Console
-    from rich.markup import escape
     from rich.table import Table
 
-    table = Table(box=box.SIMPLE_HEAD, title=grid.caption or None, title_justify="left", pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, title=_cell(grid.caption) or None, title_justify="left", pad_edge=False)
     for j, heading in enumerate(grid.headings):
-        table.add_column(escape(heading), justify="left" if grid.is_text(j) else "right", overflow="fold")
+        table.add_column(_cell(heading), justify="left" if grid.is_text(j) else "right", overflow="fold")
     for i, row in enumerate(grid.rows):
-        table.add_row(*map(escape, row), style="dim" if i in grid.quiet_rows else None)
-    console = Console()
-    if not sys.stdout.isatty():
-        console = Console(width=200)
-    console.print(table)
+        table.add_row(*map(_cell, row), style="dim" if i in grid.quiet_rows else None)
+    Console(file=raw(sys.stdout), width=None if sys.stdout.isatty() else 200).print(table)
+
+
+def _cell(text: str) -> str:
+    from rich.markup import escape
+
+    return escape(readable(text))
+
+
+def show_json(summary: dict[str, Any]) -> None:
+    """The summary alone on standard output, whole: it is data."""
+    raw(sys.stdout).write(to_json(summary))
 
 
 def finish(
@@ -244,15 +252,15 @@ def finish(
 ) -> None:
     """The end of a verb: only the summary, or the verdict, tables, sentences and the path of the report."""
     if as_json:
-        sys.stdout.write(to_json(summary))
+        show_json(summary)
         return
     from rich.console import Console
 
-    console = Console()
+    console = Console(file=raw(sys.stdout))
 
     def say(sentence: str) -> None:
         if console.is_terminal:  # breaks lines between words
-            console.print(sentence, markup=False, highlight=False)
+            console.print(readable(sentence), markup=False, highlight=False)
         else:
             print(sentence)
 

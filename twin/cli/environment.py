@@ -8,7 +8,7 @@ import sys
 import threading
 import unicodedata
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -102,11 +102,12 @@ BOX = {"HORIZONTAL": "-", "VERTICAL": "|"}
 PLAIN = "qpal-plain"  # the name of `_encode_plainly` among Python's ways to treat what an encoding lacks
 
 
-def prepare() -> None:
-    """Every stream can be written to from here on, with any text.
+@contextmanager
+def streams() -> Iterator[None]:
+    """Within it every stream can be written to, with any text.
 
     A closed one leads nowhere: its number would otherwise go to the next file that opens, and prints into that file.
-    Text that the encoding of a stream lacks is replaced by plain letters.
+    Text that the encoding of a stream lacks is replaced by plain letters, and what acts on a terminal is escaped.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
@@ -115,6 +116,40 @@ def prepare() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, ValueError, OSError):  # it is none of Python's own, or cannot be changed
             stream.reconfigure(errors=PLAIN)  # type: ignore[union-attr]
+    former = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = Readable(sys.stdout), Readable(sys.stderr)
+    try:
+        yield
+    finally:
+        sys.stdout, sys.stderr = former
+
+
+class Readable:
+    """A stream to which everything is written as `sysid.base.errors.readable` has it: names of files and columns, words
+    of others. A table in colour and a bar are written to the `stream` itself, with their texts made readable before.
+    """
+
+    def __init__(self, stream: Any) -> None:
+        self.stream = raw(stream)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
+
+    def write(self, text: str) -> int:
+        """Write what is readable of it."""
+        from sysid.base.errors import readable
+
+        return int(self.stream.write(readable(text)))
+
+    def writelines(self, texts: Iterable[str]) -> None:
+        """Write each."""
+        for text in texts:
+            self.write(text)
+
+
+def raw(stream: Any) -> Any:
+    """The stream itself, for data and for what has been made readable before."""
+    return stream.stream if isinstance(stream, Readable) else stream
 
 
 def say(sentence: str) -> None:
@@ -162,14 +197,11 @@ def _letters(c: str) -> str:
     return simple or c.encode("ascii", "backslashreplace").decode()
 
 
-def _encode_plainly(error: UnicodeError) -> tuple[str | bytes, int]:
-    """What stands for letters that a stream lacks; a byte of a file name that is no text stays that byte."""
+def _encode_plainly(error: UnicodeError) -> tuple[str, int]:
+    """What stands for letters that a stream lacks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
-    first = error.object[error.start]
-    if "\udc80" <= first <= "\udcff":
-        return bytes([ord(first) - 0xDC00]), error.start + 1
-    return plain(first), error.start + 1
+    return plain(error.object[error.start]), error.start + 1
 
 
 def _replace_closed(number: int, name: str) -> None:

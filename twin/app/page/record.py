@@ -5,7 +5,7 @@ from typing import Any
 from nicegui import events, run, ui
 
 from sysid import excitations
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, readable
 from sysid.base.locks import scratch_folder
 from sysid.base.quantities import capital
 from sysid.data.preparation import MISSING
@@ -61,7 +61,7 @@ class DataPanel(Panel):
     def _columns(self, key: str) -> None:
         """Draw the choice of columns, and what was assumed on reading."""
         entry = self.desk.session.data[key]
-        options = {None: "found by name and unit"} | {name: name for name in entry.columns}
+        options = {None: "found by name and unit"} | {name: readable(name) for name in entry.columns}
         fields = {}
         for role in ("input", "output", "time"):
             fields[role] = ui.select(options, value=getattr(entry, role), label=role).classes("w-full").props("dense")
