@@ -7,11 +7,13 @@ prediction from the outputs up to t-k is the free run plus the forecast of v (Lj
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.signal import lfilter
 
+from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.initial_state import estimate_initial, filters_only
 from sysid.estimation.joint_parts import is_joint
@@ -19,22 +21,33 @@ from sysid.model.chain import Chain
 
 FAR = 1e6  # a run that covers this many times what the output covers, and what other runs cover, has diverged
 _FOLLOWED = 4.0  # times the mean square error of the fit, above which a run does not follow it
-_USE = "search further (fit.refine()), or use other orders or a lower degree"
+REMEDY = (
+    "search further (fit.refine()), or use other orders, a lower degree or a structure whose filters are stable "
+    "(output_error)"
+)
+PREDICT = "predict from measured outputs (fit.predict, qpal run with --horizon 1 on a log that has them)"
 MOST = 16  # coefficients
 _SHORTEST = 8  # samples for each coefficient
 _ROUNDING = 1e-10  # of the output's size (rms): smaller residuals are no noise
+
+
+def quiet() -> np.errstate:
+    """Within it large numbers become infinite without NumPy's warnings: `beyond` says what became of a run."""
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
 @dataclass(frozen=True)
 class FreeRun:
     """Outputs y (N, ny); `left` is the first sample at which the run from the likely state is not to be used, or None.
 
-    Then y is the run from another state, or, where every one diverges, infinite from the sample `end` on.
+    Then y is the run from another state, or, where every one diverges, infinite from the sample `end` on, or `far` from
+    the record from `left` on.
     """
 
     y: np.ndarray
     left: int | None = None
     end: int | None = None
+    far: bool = False
 
 
 def resting_theta(model: Chain, theta: np.ndarray) -> np.ndarray:
@@ -46,11 +59,13 @@ def resting_theta(model: Chain, theta: np.ndarray) -> np.ndarray:
     return np.where(moves, 0.0, theta)
 
 
+@quiet()
 def run_from_rest(model: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
     """The run (N, ny) of u (N, nu) from rest; infinite once it is not a number."""
     return _cut_at_divergence(model.outputs(resting_theta(model, theta), u)).y
 
 
+@quiet()
 def free_run(model: Chain, theta: np.ndarray, data: IOData, n: int, noise_variance: float) -> FreeRun:
     """The run on one experiment from the state that its first n outputs make likely, see `estimate_initial`.
 
@@ -62,19 +77,44 @@ def free_run(model: Chain, theta: np.ndarray, data: IOData, n: int, noise_varian
     if n < 2:
         return _cut_at_divergence(model.outputs(rest, data.u))
     first = data.select(0, n)
-    run = model.outputs(estimate_initial(model, rest, first, data.u, noise_variance), data.u)
+    run = model.outputs(initial_theta(model, rest, first, data.u, noise_variance), data.u)
     size, limit = _output_range(run), FAR * _output_range(data.y)
     if np.isfinite(size) and (size <= limit or limit == 0.0):
         return FreeRun(run)
     fallbacks = [y for y in _fallback_runs(model, theta, rest, first, data.u) if FAR * _output_range(y) < size]
-    if not fallbacks:
-        return _cut_at_divergence(run) if not np.isfinite(size) else FreeRun(run)
-    errors = [np.where(first.observed, first.y - y[:n], 0.0) for y in fallbacks]
     departure = int(np.argmax(~np.all(np.abs(run - first.y[0]) <= limit, axis=1)))
+    if not fallbacks:
+        return _cut_at_divergence(run) if not np.isfinite(size) else FreeRun(run, departure, far=True)
+    errors = [np.where(first.observed, first.y - y[:n], 0.0) for y in fallbacks]
     return FreeRun(fallbacks[int(np.argmin([np.sum(e**2) for e in errors]))], departure)
 
 
-def divergence(runs: Sequence[FreeRun]) -> str | None:
+def initial_theta(model: Chain, theta: np.ndarray, *record: Any) -> np.ndarray:
+    """`estimate_initial`, or theta (P,) as it is where the numbers are too large for any search."""
+    try:
+        return estimate_initial(model, theta, *record)
+    except InputError:
+        raise
+    except (ValueError, np.linalg.LinAlgError):
+        return theta
+
+
+def beyond(y: np.ndarray, remedy: str, run: str = "the free run", far: float = np.inf, place: str = "") -> str | None:
+    """The sentence on a run y (N,) or (N, ny) that is not finite, or is more than `far` from zero; None for another.
+
+    Every run that a person gets is looked at here: it names the first such sample, and what to do.
+    """
+    rows = y.reshape(len(y), -1)
+    bad = ~np.all(np.abs(rows) <= min(far, np.finfo(float).max), axis=1)
+    if not bad.any():
+        return None
+    sample = int(np.argmax(bad))
+    if np.isfinite(rows[sample]).all():
+        return f"{run} diverges: from sample {sample}{place} on it is more than {far:.3g} from zero; {remedy}"
+    return f"{run} diverges: it is not finite from sample {sample}{place} on; {remedy}"
+
+
+def divergence(runs: Sequence[FreeRun], remedy: str = REMEDY) -> str | None:
     """A sentence on the first of these experiments whose run diverges, if there is one."""
     bad = [(k, run) for k, run in enumerate(runs, 1) if run.left is not None]
     if not bad:
@@ -82,10 +122,15 @@ def divergence(runs: Sequence[FreeRun]) -> str | None:
     k, run = next(((k, run) for k, run in bad if run.end is not None), bad[0])
     place = f" of experiment {k}" if len(runs) > 1 else ""
     if run.end is not None:
-        return f"the free run diverges: it is not finite from sample {run.end}{place} on; {_USE}"
+        return beyond(run.y, remedy, place=place)
+    if run.far:
+        return (
+            f"the free run diverges: from sample {run.left}{place} on it is more than {FAR:.0e} times the range of the "
+            f"output away; {remedy}"
+        )
     return (
         f"from the state that the first outputs make likely the free run diverges at sample {run.left}{place}, so it "
-        f"begins at another state; {_USE}"
+        f"begins at another state; {remedy}"
     )
 
 
@@ -110,14 +155,14 @@ def warn_of_divergence(
         return ()
     return (
         f"from the state that the first {n} outputs make likely the free run is further from the output than its mean, "
-        f"though the fit is not from its own initial state; {_USE}",
+        f"though the fit is not from its own initial state; {REMEDY}",
     )
 
 
 def _fallback_runs(
     model: Chain, theta: np.ndarray, rest: np.ndarray, first: IOData, u: np.ndarray
 ) -> Iterator[np.ndarray]:
-    for start in (theta, rest, estimate_initial(model, theta, first)):
+    for start in (theta, rest, initial_theta(model, theta, first)):
         yield model.outputs(start, u)
 
 
@@ -147,7 +192,12 @@ def autoregression(v: np.ndarray, lengths: Sequence[int], size: float = 0.0) -> 
     ends = np.cumsum(lengths)
     pieces = [v[end - n : end] for n, end in zip(lengths, ends, strict=True)]
     max_order = min(MOST, len(v) // _SHORTEST, min(lengths) - 1)
-    if not np.all(np.isfinite(v)) or np.sqrt(np.mean(v**2)) <= _ROUNDING * size or not np.any(v):
+    if not np.all(np.isfinite(v)) or not np.any(v):
+        return ()
+    # A power of two: squares stay finite, and no digit moves.
+    unit = np.ldexp(1.0, int(np.frexp(np.abs(v).max())[1]) - 1)
+    v, size, pieces = v / unit, size / unit, [piece / unit for piece in pieces]
+    if np.sqrt(np.mean(v**2)) <= _ROUNDING * size:
         return ()
     r = np.array([sum(float(p[k:] @ p[: len(p) - k]) for p in pieces) for k in range(max_order + 1)]) / len(v)
     best, least = np.empty(0), len(v) * np.log(r[0])
@@ -162,6 +212,7 @@ def autoregression(v: np.ndarray, lengths: Sequence[int], size: float = 0.0) -> 
     return tuple(float(x) for x in best)
 
 
+@quiet()
 def forecast(v: np.ndarray, a: Sequence[float], horizon: int, observed: np.ndarray | None = None) -> np.ndarray:
     """v(t | t-horizon) (N,): each residual from those up to `horizon` samples before it, none before the record.
 

@@ -17,8 +17,18 @@ from sysid.blocks import Innovations, StateSpace
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
-from sysid.estimation.free_run import FreeRun, autoregression, divergence, forecast, free_run, run_from_rest
-from sysid.estimation.initial_state import estimate_initial
+from sysid.estimation.free_run import (
+    PREDICT,
+    REMEDY,
+    FreeRun,
+    autoregression,
+    divergence,
+    forecast,
+    free_run,
+    initial_theta,
+    quiet,
+    run_from_rest,
+)
 from sysid.estimation.origin import FREE_RUN, ONE_STEP, FitMethods, Origin, check_channels, check_same_kind
 from sysid.estimation.prior import Prior
 from sysid.model.chain import Chain
@@ -90,6 +100,7 @@ class Fit(FitMethods):
         return y[:, 0] if self.model.channels[1] == 1 else y
 
     @checked(deferred=("horizon",))
+    @quiet()
     def predict(self, data: IOData, horizon: int = 1, n_init: int | None = None) -> np.ndarray:
         """Each output from the measured ones up to `horizon` samples before it: (N,) for one output, else (N, ny).
 
@@ -142,6 +153,11 @@ class Fit(FitMethods):
         return self.model.predicts
 
     @property
+    def remedy(self) -> str:
+        """What to do where a run diverges."""
+        return f"{PREDICT}, or {REMEDY}" if self.predicts else REMEDY
+
+    @property
     def criteria_of(self) -> str:
         """Which errors `criteria`, `covariance` and `residuals` refer to: 'free run', or 'one step ahead'."""
         return ONE_STEP if self.predicts else FREE_RUN
@@ -181,7 +197,7 @@ class Fit(FitMethods):
 
         The former run is infinite from there on. In the latter case `simulate` begins at another state. Else None.
         """
-        return divergence(self.runs(data, n_init))
+        return divergence(self.runs(data, n_init), self.remedy)
 
     def runs(self, data: IOData, n_init: int | None = None) -> list[FreeRun]:
         """The free run of each experiment, counted from the fit's own offsets."""
@@ -295,13 +311,14 @@ class Fit(FitMethods):
         with one_blas_thread():
             return free_run(self.model, self.theta, data, n, mse * c.N / max(c.N - c.d, 1))
 
+    @quiet()
     def _ahead(self, data: IOData, horizon: int, n_init: int | None) -> np.ndarray:
         """y(t | t-horizon) (N, 1) of a model that predicts, on one experiment at own level."""
         model, block = self.model, self.model.blocks[-1]
         assert isinstance(block, Innovations)
         check_complete(data)
         first = data.select(0, min(self.n_init if n_init is None else n_init, data.N))
-        theta = estimate_initial(model, self.theta, first) if first.N >= 2 else self.theta
+        theta = initial_theta(model, self.theta, first) if first.N >= 2 else self.theta
         w = model.through(theta, data.u[:, 0], 0, len(model.blocks) - 1)
         return block.ahead(model.part(theta, block), w, data.y[:, 0], horizon)[:, None]
 

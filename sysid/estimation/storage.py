@@ -20,6 +20,7 @@ from sysid.base.files import check_regular_file
 from sysid.base.limits import MOST, SAMPLES, SECONDS
 from sysid.data.table import LARGEST
 from sysid.estimation.codec import FORMAT, VERSION, build, migrate
+from sysid.estimation.free_run import quiet
 from sysid.estimation.result import Fit
 from sysid.formats import TABLE
 from sysid.solver.covariance import Covariance
@@ -63,7 +64,8 @@ def read(path: str | os.PathLike, formats: Mapping[str, Callable[[dict[str, Any]
             raise InputError(
                 f"this is JSON but not a saved fit (its format is not {names}); give a file that save() wrote{of_log}"
             )
-        return formats[str(document["format"])](document)
+        with quiet():  # what large entries make of a check is not finite, and refused
+            return formats[str(document["format"])](document)
     except InputError as e:
         raise InputError(f"{source}: {e}") from None
 

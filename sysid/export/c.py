@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.checks import checked
+from sysid.base.errors import InputError
 from sysid.base.files import write_text
 from sysid.block.writing import CCode, number
 from sysid.export import closed_form
@@ -19,6 +20,7 @@ from sysid.export.c_structs import CALLED, LIBM, Structs, Value
 from sysid.export.program import AnyFit, Offset, Program, c_program
 from sysid.model.wiring import Layer, Unit, identifier, whole
 
+LARGEST_FLOAT = float(np.finfo(np.float32).max)
 _HELPERS = {
     "min_of": "(double a, double b)\n{\n    return b < a ? b : a;",
     "max_of": "(double a, double b)\n{\n    return b > a ? b : a;",
@@ -72,9 +74,15 @@ def written_source(
     text = _Text(fit, name, c_program(fit, u_offset, y_offset))
     comment = closed_form.text(fit, u_offset=u_offset, y_offset=y_offset).rstrip().replace("*/", "* /").split("\n")
     header, body = text.header(comment), text.source()
-    if single:
-        header, body = _single(header), _single(body)
     parameters = tuple(v for unit in text.units for v in text.parameters(unit)) + text.offsets()
+    if single:
+        large = [v for v in parameters if LARGEST_FLOAT < abs(v.start) < np.inf]
+        if large:
+            raise InputError(
+                f"{large[0].name} is {large[0].start:.3g}, and a float holds up to {LARGEST_FLOAT:.3g}; leave --single "
+                "(single=True) out"
+            )
+        header, body = _single(header), _single(body)
     states = tuple(v for unit in text.units for v in text.states(unit)) or (Value("none", 0.0),)
     return Source(header, body, parameters, states, _feeds(text.program))
 
@@ -105,8 +113,7 @@ def _single(text: str) -> str:
 
 
 def _float(literal: str) -> str:
-    largest = float(np.finfo(np.float32).max)
-    short = str(np.float32(min(float(literal), largest)))
+    short = str(np.float32(min(float(literal), LARGEST_FLOAT)))
     return f"{short}f" if re.search("[.e]", short) else f"{short}.0f"
 
 

@@ -15,10 +15,11 @@ from sysid.base.files import json_value
 from sysid.data.record import IOData
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.estimation.free_run import PREDICT, beyond
 from sysid.estimation.origin import FREE_RUN, FitMethods, Origin, check_same_kind
 from sysid.estimation.result import Parameter, check_horizon
 from sysid.nlarx.model import Network, Nlarx
-from sysid.nlarx.problem import FAR, Piece
+from sysid.nlarx.problem import Piece
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 
@@ -72,6 +73,7 @@ class NlarxFit(FitMethods):
     origin: Origin | None = None  # names, units and fit of the estimation data; None in a file of an earlier version
 
     predicts = True
+    remedy = f"use focus='simulation', fewer units or other orders, or {PREDICT}"
 
     @checked
     def own_level(self, data: IOData) -> IOData:
@@ -149,13 +151,9 @@ class NlarxFit(FitMethods):
     def divergence(self, data: IOData, n_init: int | None = None) -> str | None:
         """A sentence if the free run on this record diverges, else None."""
         for k, p in enumerate(self._pieces(data), 1):
-            end = self._run(p.u, p.y, self._first(p, n_init))[1]
-            if end < len(p.y):
-                where = f" of experiment {k}" if len(data.lengths) > 1 else ""
-                return (
-                    f"the free run diverges: at sample {end}{where} it is {FAR:g} spans of the output away; use "
-                    "focus='simulation', fewer units or other orders"
-                )
+            place = f" of experiment {k}" if len(data.lengths) > 1 else ""
+            if sentence := beyond(self._run(p.u, p.y, self._first(p, n_init))[0], self.remedy, place=place):
+                return sentence
         return None
 
     @checked

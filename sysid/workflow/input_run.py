@@ -13,6 +13,7 @@ from sysid.channels.reading import read_map_of, sample
 from sysid.channels.signals import common_text
 from sysid.data.record import IOData
 from sysid.data.trends import restore_offsets
+from sysid.estimation.free_run import quiet
 from sysid.estimation.result import Fit
 from sysid.formats import read_table
 from sysid.workflow.record import Record, columns
@@ -80,6 +81,7 @@ def record_of_inputs(fit: AnyFit, reading: Reading) -> Record | None:
     return Record(table.path, data, names, "", signals.mapping.clock.column or None, signals)
 
 
+@quiet()
 def run_inputs(saved: Saved, record: Record, reading: Reading, horizon: int | None) -> InputRun:
     """The run of `saved` from rest on the record that `record_of_inputs` gave; raises the errors of `data_for`."""
     fit = saved.fit

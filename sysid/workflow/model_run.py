@@ -12,6 +12,7 @@ from sysid.base.errors import InputError
 from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import ResidualTests, poor
+from sysid.estimation.free_run import beyond, quiet
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
@@ -104,6 +105,7 @@ def run_file(
     return on_record(model_file, record, data, notes, reading, horizon)
 
 
+@quiet()
 def on_record(
     saved: Saved, record: Record, data: IOData, notes: tuple[str, ...], reading: Reading, horizon: int | None = None
 ) -> ModelRun:
@@ -122,6 +124,8 @@ def on_record(
     fall = fell(saved.estimation, float(np.mean(percents)))
     sentences += [fall] if fall else []
     prediction = None if horizon is None else _predict_ahead(saved, data, counts, horizon)
+    if prediction is not None and (gone := beyond(prediction.output, fit.remedy, f"the prediction {horizon} ahead")):
+        sentences.append(gone)
     rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
     result = ModelRun(saved, record, data, y, percents, rmse, n, prediction, tests, tuple(sentences))
     return ModelRun(**{**vars(result), "next": _next(result, reading)})
@@ -142,7 +146,8 @@ def scored(data: IOData, n: int) -> np.ndarray:
 
 def rms(e: np.ndarray) -> float:
     """Root mean square (n,); infinite where a run diverges."""
-    return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else np.inf
+    with quiet():
+        return float(np.sqrt(np.mean(e**2))) if np.all(np.isfinite(e)) else np.inf
 
 
 def write_outputs(result: ModelRun | InputRun, path: Any) -> None:

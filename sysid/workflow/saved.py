@@ -14,6 +14,7 @@ from sysid.channels.mapping import Range
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import poor
+from sysid.estimation.free_run import beyond
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.export import c as export_c
@@ -263,11 +264,7 @@ def remarks(fit: AnyFit, data: IOData, run: np.ndarray, from_rest: bool = False)
             )
     if isinstance(fit, Fit) or from_rest:
         sentences += _beyond_outputs(fit, data, run)
-    trouble: str | None
-    if from_rest:
-        trouble = None if np.isfinite(run).all() else "the run from rest diverges: the model is not stable there"
-    else:
-        trouble = fit.divergence(data)
+    trouble = beyond(run, fit.remedy, "the run from rest") if from_rest else fit.divergence(data)
     if isinstance(fit, NlarxFit):
         trouble = trouble or (None if from_rest else fit.excursion(data))
     else:
@@ -288,7 +285,9 @@ def _beyond_outputs(fit: AnyFit, data: IOData, run: np.ndarray) -> list[str]:
         return []
     a, b, c, d = (f"{unit.factor * (value + shift):.4g}" for value in (least, most, low, high))
     sentence = f"the run goes from {a} to {b} {unit.unit}".rstrip()
-    sentence += f" and the estimation data from {c} to {d} {unit.unit}".rstrip() + ": the model extrapolates there"
+    first = int(np.argmax((run < low + shift - margin) | (run > high + shift + margin)))
+    sentence += f" and the estimation data from {c} to {d} {unit.unit}".rstrip()
+    sentence += f": the model extrapolates there, from sample {first} on"
     if not isinstance(fit, Fit) or not is_joint(fit.model):
         return [sentence]
     of_motor = {"lower": "upper", "upper": "lower"} if output_falls(fit) else {}

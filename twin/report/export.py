@@ -49,7 +49,8 @@ def tables(result: WrittenModel) -> list[Grid]:
 
 def sentences(result: WrittenModel) -> list[str]:
     """Warnings of the fit, levels of the files, the linear model, what the check found, what the elements lack."""
-    return [*_warnings(result), *_levels(result), *_linear(result), *_check_sentences(result)]
+    trouble = [f"{capital(result.source.trouble)}."] if result.source.trouble else []
+    return [*trouble, *_warnings(result), *_levels(result), *_linear(result), *_check_sentences(result)]
 
 
 def _warnings(result: WrittenModel) -> list[str]:

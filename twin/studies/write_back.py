@@ -10,7 +10,8 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.files import versions, write_text
-from sysid.data.record import IOData
+from sysid.data.record import LARGEST, IOData
+from sysid.estimation.free_run import FAR, beyond, quiet
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
@@ -41,6 +42,7 @@ class Source:
     data: IOData
     said: str
     recorded: bool = False
+    trouble: str | None = None  # of its free run
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ class WrittenModel:
             }
         if self.tangent is not None:
             summary["tangent"] = self.tangent.as_dict()
-        summary["warnings"] = list(self.source.fit.warnings)
+        summary["warnings"] = [*([self.source.trouble] if self.source.trouble else []), *self.source.fit.warnings]
         return summary | {"offsets": _offsets(self.source.fit), "versions": versions()}
 
 
@@ -104,7 +106,11 @@ def read_model(
             raise
         load_error = error
     else:
-        return Source(fit, _drive_record(fit), f"the fit in {path}")
+        data, run = _drive_record(fit)
+        low, high = fit.y_span
+        far = FAR * max(abs(low), abs(high)) or np.inf
+        trouble = beyond(run, fit.remedy, "under a drawn input of the size of the fit's the free run", far)
+        return Source(fit, data, f"the fit in {path}", trouble=trouble)
     try:
         data = read_record(path, input, output, Ts, time, mapping).data
     except InputError as error:
@@ -121,8 +127,11 @@ def _exported_joint(data: IOData) -> Fit:
     return joint.fit if shown == PARTS else fit_joint(data, parts=shown).fit
 
 
-def _drive_record(fit: Fit | NlarxFit) -> IOData:
-    """A drawn input, which takes a joint across its stroke many times, and the fit's free run."""
+def _drive_record(fit: Fit | NlarxFit) -> tuple[IOData, np.ndarray]:
+    """A drawn input, which takes a joint across its stroke many times, with what is finite of the fit's free run.
+
+    And that free run (N, ny) as it is, counted from the offsets.
+    """
     was = fit.origin
     names = {} if was is None else {k: getattr(was, k) for k in ("u_name", "y_name", "u_unit", "y_unit")}
     if isinstance(fit, NlarxFit) or not is_joint(fit.model):
@@ -131,7 +140,7 @@ def _drive_record(fit: Fit | NlarxFit) -> IOData:
         u = np.repeat(np.random.default_rng(0).uniform(low, high, (12, n_in)), 20, axis=0)
         y = fit.simulate(u).reshape(len(u), -1)
         u0, y0 = (0.0 if offset is None else offset for offset in (fit.u_offset, fit.y_offset))
-        return IOData(u + u0, np.where(np.isfinite(y), y, 0.0) + y0, fit.Ts, **names)
+        return IOData(u + u0, np.where(np.abs(y) < LARGEST, y, 0.0) + y0, fit.Ts, **names), y
     motor = motor_of(fit.model)
     motor_values = fit.model.part(fit.theta, motor)
     value = {name: motor.value(motor_values, name) for name in ("gain", "rise", "fall", "stick", "lower", "upper")}
@@ -142,9 +151,10 @@ def _drive_record(fit: Fit | NlarxFit) -> IOData:
     amplitude = max(value["rise"], value["fall"]) + value["stick"] + stroke / (crossing * value["gain"])
     signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
-    run = fit.model.simulate(fit.theta, u[:, None]).ravel()
+    with quiet():
+        run = fit.model.simulate(fit.theta, u[:, None]).ravel()
     stay = len(u) if motor.stops is True else max(_stay(run, _span(fit)), 2)
-    return IOData(u[:stay], run[:stay], fit.Ts, **names)
+    return IOData(u[:stay], run[:stay], fit.Ts, **names), run
 
 
 def _span(fit: Fit) -> float:
