@@ -38,6 +38,7 @@ from sysid.estimation.guard import (
     follow_noise,
     linear_reference,
     missing_offset,
+    turned_signal,
     worse_than_constant,
 )
 from sysid.estimation.initial_state import with_initial_states
@@ -119,7 +120,8 @@ def fit_chain(
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began, prior=objective.prior)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
-    return replace(fit, warnings=fit.warnings + _unsettled(fit) + departs)
+    turned = turned_signal(model, data, fit.criteria.mse)
+    return replace(fit, warnings=turned + fit.warnings + _unsettled(fit) + departs)
 
 
 def search_starts(context: SearchContext, starts: int | str, seed: int) -> SearchResult:

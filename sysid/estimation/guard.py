@@ -6,10 +6,13 @@ import numpy as np
 from scipy.stats import chi2
 
 from sysid.base.errors import InputError
-from sysid.blocks import Offset
+from sysid.block.block import StaticBlock
+from sysid.blocks import Motor, Offset, ProfiledMotor, ServoMotor
 from sysid.data.record import IOData
+from sysid.diagnosis.direction import direction
 from sysid.estimation.initial_state import filters_only, with_initial_states
 from sysid.estimation.noise_model import noise_model
+from sysid.estimation.origin import share_explained
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.search import SAME, SearchContext, SearchResult, residual_noise
 from sysid.estimation.starts import starts as make_starts
@@ -32,6 +35,7 @@ _BELOW = 0.999  # times a loss: what is a better linear model
 _CLEAR = 1.0 + 1e-6  # times the mean square of the output, above which a fit explains less than a constant
 _HELD = 1e-3  # of a constant, left by a chain that holds it
 _FALSE_ALARMS = 1e-3  # of the test for an offset
+_FOLLOWED = 90.0  # [%] of the output, above which a fit has the right sign
 _PASSES = 4  # the standard deviation of the residuals converges within this many
 
 
@@ -192,6 +196,23 @@ def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
     return (
         "the free run is further from the output than the output's own mean: give the structure an offset of its "
         'output (offset="free"), or choose another structure or other orders',
+    )
+
+
+def turned_signal(chain: Chain, data: IOData, mse: float) -> tuple[str, ...]:
+    """A warning where a motor, whose gain has one sign, does not follow a record in which one signal is turned.
+
+    A map behind the motor may fall, and takes the sign up. Nothing is said of a fit that explains the output.
+    """
+    motors = [k for k, block in enumerate(chain.blocks) if isinstance(block, Motor | ServoMotor | ProfiledMotor)]
+    behind = [b for b in chain.blocks[motors[0] :] if isinstance(b, StaticBlock) and b.n_parameters] if motors else []
+    falls = any(not isinstance(b, Offset) for b in behind)
+    if not motors or falls or share_explained(data, mse) > _FOLLOWED or direction(data) >= 0:
+        return ()
+    return (
+        "the output falls where the input rises, and a motor with a gain below zero is none: one of the two signals is "
+        "turned; turn it back with sign = -1 of its channel in a mapping (qpal info FILE --write-map MAP.toml), or in "
+        "Python with dataclasses.replace(data, y=-data.y)",
     )
 
 
