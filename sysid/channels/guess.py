@@ -17,6 +17,7 @@ from sysid.channels.clock import (
     is_named_clock,
     stated_sampling_time,
 )
+from sysid.channels.clock_choice import ClockChoice, choose_clock, clock_of_column, uneven_time
 from sysid.channels.column import (
     Column,
     label,
@@ -31,18 +32,7 @@ from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, brief, list_names
 from sysid.channels.order import oldest_first
-from sysid.channels.roles import (
-    STRONG,
-    ClockChoice,
-    Columns,
-    Roles,
-    choose_clock,
-    choose_signals,
-    clock_of_column,
-    doubts_of_roles,
-    switch_of,
-    uneven_time,
-)
+from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, switch_of
 from sysid.channels.sign import sign_bit_of, with_sign
 from sysid.data.table import Table
 from sysid.formats import read_table

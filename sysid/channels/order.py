@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.channels.clock import is_named_clock
+from sysid.channels.clock_choice import choose_clock
 from sysid.channels.column import Column, numeric_columns, words
 from sysid.channels.repair import take_rows
-from sysid.channels.roles import choose_clock
 from sysid.data.table import Table
 
 COUNTDOWN = words("remaining left countdown rest restzeit until")  # such a clock falls in a log that is in order
