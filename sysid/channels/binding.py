@@ -8,8 +8,9 @@ import numpy as np
 from sysid.base.errors import InputError, printable
 from sysid.channels.clock import digits_of_a_day, unit_of_clock
 from sysid.channels.column import column_of, label, numbers, parse_header, unit_in_brackets
+from sysid.channels.complaints import brief
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
-from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock, brief
+from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock
 from sysid.channels.sign import with_sign
 from sysid.data.table import Table
 

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.complaints import brief, closest
 from sysid.channels.conversion import ANYWHERE, COUNTS, convert, is_time
-from sysid.channels.mapping import brief, closest
 from sysid.data.table import LARGEST, Table, Texts, explain_non_number, is_like_a_number, is_number
 from sysid.formats import unit_in
 

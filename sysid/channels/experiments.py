@@ -12,7 +12,8 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
 from sysid.channels.column import Column, numbers, soft_numbers, words
-from sysid.channels.mapping import ChannelMap, Range, brief
+from sysid.channels.complaints import brief
+from sysid.channels.mapping import ChannelMap, Range
 from sysid.channels.repair import keep_rows
 from sysid.channels.signals import Signals
 from sysid.channels.stamps import SHORTEST, is_hour, restarts, usual_step

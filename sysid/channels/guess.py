@@ -28,9 +28,10 @@ from sysid.channels.column import (
     soft_numbers,
     unit_in_brackets,
 )
+from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
-from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range, brief, list_names
+from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, switch_of
 from sysid.channels.sign import sign_bit_of, with_sign

@@ -11,7 +11,8 @@ from pydantic import BaseModel, ValidationError
 
 from sysid.base.errors import InputError, printable, readable
 from sysid.base.files import check_regular_file, toml_values, write_text
-from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap, Place, complaint
+from sysid.channels.complaints import Place, complaint
+from sysid.channels.mapping import ROLES, Adc, Channel, ChannelMap
 
 LARGEST = 1_000_000  # [bytes] a mapping has about a thousand
 EXAMPLES = {

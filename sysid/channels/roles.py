@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sysid.channels.column import Column, misspelt_number, parse_header, words
+from sysid.channels.complaints import list_names
 from sysid.channels.conversion import convert
-from sysid.channels.mapping import list_names
 from sysid.data.table import Table
 
 COUNTERS = words("index idx sample samples k n i row seq sequence frame counter id")
