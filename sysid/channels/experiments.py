@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
-from sysid.channels.column import Column, numbers, soft_numbers, words
+from sysid.channels.column import Column, numbers, parse_header, soft_numbers, words
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ChannelMap, Range
 from sysid.channels.repair import keep_rows
@@ -52,6 +52,20 @@ def column_of_experiments(columns: dict[str, Column]) -> Column | None:
     return None
 
 
+def labels_of(table: Table) -> dict[str, Column]:
+    """The columns that name experiments in words, such as A, A, B, as numbers of these words."""
+    headers = {name: parse_header(name).words for name in table.names}
+    likely = [name for name, words in headers.items() if words & (NAMES | UNSURE) and words <= NAMES | UNSURE | _NUMBER]
+    return {name: labels for name in likely if (labels := _labels(table, name)) is not None}
+
+
+def _labels(table: Table, name: str) -> Column | None:
+    cells = table.columns[table.names.index(name)]
+    if not len(cells) or not isinstance(cells[0], str) or np.isfinite(soft_numbers(table, name)).any():
+        return None
+    return Column(parse_header(name), np.unique(np.asarray(list(cells)), return_inverse=True)[1].astype(float))
+
+
 def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     """Rows (start, stop) of each experiment; one piece of a table that is one.
 
@@ -80,7 +94,11 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
 
 
 def _starts_of(table: Table, column: str) -> np.ndarray:
-    """Places (m,) at which experiments start by a column that numbers them, or a clock, which rises in most rows."""
+    """Places (m,) at which experiments start by a column that numbers or names them, or a clock, which rises in most
+    rows.
+    """
+    if (labels := _labels(table, column)) is not None:
+        return np.flatnonzero(np.diff(labels.values)) + 1
     if np.nanmedian(np.diff(soft_numbers(table, column))) > 0:
         return starts_of_clock(table, column)
     return np.flatnonzero(np.diff(numbers(table, column, "range.experiment"))) + 1

@@ -30,7 +30,7 @@ from sysid.channels.column import (
 )
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import COUNTS, convert, is_time, seconds
-from sysid.channels.experiments import column_of_experiments, doubt_of_starts, rows_text, starts_of_clock
+from sysid.channels.experiments import column_of_experiments, doubt_of_starts, labels_of, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, switch_of
@@ -114,9 +114,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     clock = choice.clock or Clock()
     times = (clock.column, choice.unused, *choice.same, *others)
     signals = {name: column for name, column in columns.items() if name not in times and not column.dated}
-    experiments = column_of_experiments(signals)
+    experiments = column_of_experiments({**signals, **labels_of(table)})
     if experiments is not None and experiments.name not in (given.input, given.output):
-        signals.pop(experiments.name)
+        signals.pop(experiments.name, None)
     else:
         experiments = None
     roles = _guess_signals(table, columns, signals, given, why, unclear)

@@ -70,6 +70,20 @@ def test_experiments_are_read_one_by_one(name, clock, tmp_path):
     assert any("holds 3 experiments" in note and "rows 62 to 121" in note for note in record.notes)
 
 
+@pytest.mark.parametrize("header", ["trial", "run"])
+def test_experiments_that_have_names(header, tmp_path):
+    records = parts((60, 80, 60))
+    path = write(tmp_path / "a.csv", [header, "t_s", "u_V", "y_rad"], records, lambda k, i: (k, 0.02 * i + 9 * k))
+    lines = path.read_text().splitlines()
+    words = {"0": "slow", "1": "fast", "2": "a b"}
+    path.write_text("\n".join([lines[0], *(words[line[0]] + line[1:] for line in lines[1:])]) + "\n")
+    assert read_record(path).data.lengths == (60, 80, 60)
+    path.write_text(path.read_text().replace(header, "label", 1))
+    (tmp_path / "m.toml").write_text('[range]\nexperiment = "label"\npart = 2\n')
+    data = read_record(path, mapping=tmp_path / "m.toml").data
+    np.testing.assert_allclose(data.y[:, 0], records[1][1], atol=1e-6)
+
+
 def test_the_episodes_of_a_robot():
     record = read_record(CASES / "episodes.parquet", input="action[0]", output="observation.state[0]")
     assert record.data.lengths == (150, 150, 150, 150)
