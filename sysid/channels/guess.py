@@ -33,7 +33,7 @@ from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, labels_of, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
-from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, switch_of
+from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, is_counter, switch_of
 from sysid.channels.sign import sign_bit_of, with_sign
 from sysid.data.table import Table
 from sysid.formats import read_table
@@ -133,7 +133,12 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
-    numbered = experiments.name if experiments else _experiments_of_clock(table, choice.unused, unclear, why)
+    counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
+    by_clock = [name for name in counters if name and len(starts_of_clock(table, name))]
+    numbered = experiments.name if experiments else ""
+    if by_clock and len(starts_of_clock(table, by_clock[0])) >= _count_of_changes(experiments):
+        numbered, experiments = by_clock[0], None
+        _tell_starts(table, numbered, unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments else []
@@ -217,16 +222,17 @@ def _notes_on_unused_clock(table: Table, clock: Clock | None, columns: Columns, 
     return notes
 
 
-def _experiments_of_clock(table: Table, column: str, unclear: list[str], why: list[str]) -> str:
-    """The clock that is not used, if it starts again: a sampling time that is given joins no two experiments."""
-    starts = starts_of_clock(table, column) if column else np.zeros(0, dtype=int)
-    if not len(starts):
-        return ""
+def _count_of_changes(column: Column | None) -> int:
+    return 0 if column is None else int(np.count_nonzero(np.diff(column.values)))
+
+
+def _tell_starts(table: Table, column: str, unclear: list[str], why: list[str]) -> None:
+    """Says where a clock that is not used starts again: a sampling time that is given joins no two experiments."""
+    starts = starts_of_clock(table, column)
     if doubt := doubt_of_starts(table, column, starts):
         unclear.append(f"column {column!r}: {doubt}")
     rows = rows_text(table, column, starts.tolist())
     why.append(f"column {column!r}, a clock that is not used, starts again at {rows}: experiments of their own")
-    return column
 
 
 def _guess_signals(

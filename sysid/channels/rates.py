@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.channels.column import numbers, soft_numbers
+from sysid.channels.complaints import list_names
 from sysid.channels.conversion import seconds
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.repair import keep_rows
@@ -68,6 +69,12 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
     names = _others(table, mapping, reference) if reference is not None else {}
     if reference is None or not any(_has_own_rate(table, name, reference) for name in (reference, *names)):
         return table, ()
+    if not mapping.clock.column:
+        raise InputError(
+            f"{table.path}: columns {list_names([reference, *(n for n in names if names[n])])} have values "
+            "in other rows, and a sampling time alone does not say when; leave --ts out where a column is the clock, "
+            "name it with --time, or give a log in which every row has both"
+        )
     filled = np.isfinite(soft_numbers(table, reference))
     clocks = _clocks(table, mapping, (reference, *names))
     times, reach = _times(table, mapping, clocks[reference], filled)

@@ -9,7 +9,7 @@ from sysid.channels.complaints import list_names
 from sysid.channels.conversion import convert
 from sysid.data.table import Table
 
-COUNTERS = words("index idx sample samples k n i row seq sequence frame counter id")
+COUNTERS = words("index idx sample samples k n i row seq sequence frame counter count id")
 INPUT = words("u voltage volts volt pwm duty cmd command commanded input in control ctrl")
 REFERENCE = words("reference ref goal setpoint target desired des cmd command commanded")
 OUTPUT = words("y angle pos position adc pot potentiometer theta q encoder enc output out winkel")
@@ -98,6 +98,11 @@ def _candidates(columns: Columns, role: str) -> list[Column]:
     units = ("V", "1") if role == "input" else ("rad",)
     nameless = [column for column in moving if role_by_name(column) == "" and column.header.unit]
     return [column for column in nameless if convert(column.header.unit).unit in units]
+
+
+def is_counter(column: Column) -> bool:
+    """Whether the name of a column says that it numbers samples."""
+    return bool(column.header.words) and column.header.words <= COUNTERS
 
 
 def role_by_name(column: Column) -> str:
