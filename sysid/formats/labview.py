@@ -45,7 +45,10 @@ class LabView(Format):
         lines = [line for _, block in blocks(path) for line in block.decode().removesuffix("\n").split("\n")]
         separator = "," if lines and lines[0].startswith(f"{FIRST},") else "\t"
         if not lines or lines[0].split(separator)[0].strip() != FIRST:
-            raise InputError(f"{path} does not begin with {FIRST!r}; export it again, or rename it if it is a table")
+            raise InputError(
+                f"{path} is not a readable LVM file: it does not begin with {FIRST!r}; export it again, or rename it "
+                "if it is a table"
+            )
         head, start = _header(lines, 0, separator)
         separator = SEPARATORS.get(_entry(head, "Separator").lower(), separator)
         decimal = _entry(head, "Decimal_Separator") or "."
@@ -99,7 +102,9 @@ def _row(path: Path, number: int, cells: list[str], names: list[str], decimal: s
     for name, cell in zip(names[:count], [*cells, *[""] * count][:count], strict=True):
         text = cell.replace(decimal, ".")
         if text and not is_number(text):
-            raise InputError(f"{path}, row {number}, column {name!r}: found {cell[:40]!r}, which is not a number")
+            raise InputError(
+                f"{path}, row {number}, column {name!r}: found {cell[:40]!r}, which is not a number; correct the cell"
+            )
         values.append(float(text) if text else np.nan)
     return values
 

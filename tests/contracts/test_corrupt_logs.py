@@ -105,6 +105,8 @@ def test_a_cut_file_gives_no_wrong_number(name, tmp_path):
         for column, values in found.items() if table else ():
             last = any("last" in note for note in table.notes)
             count = len(values) - 1 if last else len(values)
+            # Groups whose times were one have times of their own where the cut leaves them of other lengths.
+            column = column if column in right or not column.endswith(".time") else "time"
             whole_names = column in right
             assert whole_names or last, (column, table.notes)
             if whole_names:

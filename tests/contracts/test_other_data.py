@@ -229,10 +229,9 @@ def test_a_header_that_agrees_or_stands_alone_is_taken(tmp_path):
     assert not guess(coarse).unclear
     alone = write_table(tmp_path / "alone.csv", {"u": U, "y": Y}, '{"Ts": 0.1}')
     assert sysid.read(alone).Ts == 0.1
-    for clock in (K[::-1] / 10, 0 * K + 3.0):
-        still = write_table(tmp_path / "still.csv", {"time": clock, "u": U, "y": Y}, '{"Ts": 0.1}')
-        with pytest.raises(InputError, match=r"Ts is 0.1 s, and column 'time', a clock by its name, does not rise"):
-            sysid.read(still)
+    still = write_table(tmp_path / "still.csv", {"time": 0 * K + 3.0, "u": U, "y": Y}, '{"Ts": 0.1}')
+    with pytest.raises(InputError, match=r"Ts is 0.1 s, and column 'time', a clock by its name, does not rise"):
+        sysid.read(still)
     for Ts in (1e9, 1e-300):
         path = write_table(tmp_path / "odd.csv", {"u": U, "y": Y}, json.dumps({"Ts": Ts}))
         with pytest.raises(

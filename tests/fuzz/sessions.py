@@ -18,6 +18,7 @@ from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin
 from twin.app.session import Session
 
 SETTING = Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1})
+FIGURE = {"data": [], "layout": {"height": 300}}
 SHARED = {"fit_estimation": 90.0, "fit_validation": None, "d": 3, "N": 20, "seconds": 1.0, "converged": True}
 
 
@@ -33,10 +34,10 @@ def build(folder: Path) -> None:
     def model(place: Path) -> None:
         (place / "model.json").write_text("{}")
         np.savez(place / "runs.npz", t=t, y=t, run=t, border=np.array(1.0), name=np.array("y"), unit=np.array("rad"))
-        (place / "figures.json").write_text(json.dumps({"fit": {"figure": {}, "caption": "c"}}))
+        (place / "figures.json").write_text(json.dumps({"fit": {"figure": FIGURE, "caption": "c"}}))
 
     def study(place: Path) -> None:
-        (place / "figures.json").write_text(json.dumps({"strip": {"figure": {}, "caption": "c"}}))
+        (place / "figures.json").write_text(json.dumps({"strip": {"figure": FIGURE, "caption": "c"}}))
 
     advice = (Finding(sentence="it is short", action="record more", severity="note"),)
     chosen = {"input": "u", "output": "y", "Ts": 0.1, "columns": ("u", "y")}

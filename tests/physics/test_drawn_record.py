@@ -18,7 +18,7 @@ VALUES |= {"lower": 0.0, "upper": 1.0, "low": 10.2, "high": 11.7}
 def record(stops):
     chain = actuated_joint(motor=Motor(load=0, delayed=False, stops=stops), knots=2, play=False)
     theta = np.array([VALUES[name.split(".")[1]] for name in chain.names])
-    return write_back._drive_record(SimpleNamespace(model=chain, theta=theta, Ts=TS, origin=None))
+    return write_back._drive_record(SimpleNamespace(model=chain, theta=theta, Ts=TS, origin=None))[0]
 
 
 def test_a_joint_between_two_stops_meets_both_over_the_full_length():

@@ -17,7 +17,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.structures import ServoJoint, servo_joint
 from sysid.workflow.record import read_record
-from sysid.workflow.setting import with_servo
+from sysid.workflow.servo import with_servo
 from twin.cli import main
 from twin.log import Log
 from twin.rig.bus.device import Device, drawn
