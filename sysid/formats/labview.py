@@ -42,7 +42,8 @@ class LabView(Format):
 
     def read(self, path: Path) -> Table:
         """The channels in `path`; raises InputError with the row of a cell that is no number."""
-        lines = [line for _, block in blocks(path) for line in block.decode().removesuffix("\n").split("\n")]
+        texts = [block.decode() for _, block in blocks(path)]
+        lines = [line for text in texts for line in text.removesuffix("\n").split("\n")]
         separator = "," if lines and lines[0].startswith(f"{FIRST},") else "\t"
         if not lines or lines[0].split(separator)[0].strip() != FIRST:
             raise InputError(
@@ -56,7 +57,9 @@ class LabView(Format):
         if not segments:
             raise InputError(f"{path} has no rows of numbers; record again, or give a file with one row a sample")
         kind = (_entry(head, "X_Columns") or "One").lower()
-        return table_of_groups(path, _groups(path, segments, kind, head, decimal), "sample")
+        uncut = texts[-1].endswith("\n")
+        notes = () if uncut else ("the last row has no line end; if the file was cut there, its last number is wrong",)
+        return table_of_groups(path, _groups(path, segments, kind, head, decimal), "sample", notes)
 
 
 def _header(lines: list[str], start: int, separator: str) -> tuple[dict[str, list[str]], int]:

@@ -51,7 +51,7 @@ def test_there_are_enough_of_them():
 
 
 STRANGE = {
-    f"{what} called {suffix[1:]}": (f"a{suffix}", content, ["not a readable"])
+    f"{what} called {suffix[1:]}": (f"a{suffix}", content, ["not a "])
     for what, content in (("table", text()), ("noise", bytes(range(256)) * 8))
     for suffix in MARKED
 }
