@@ -19,7 +19,12 @@ def oldest_first(table: Table) -> Table:
 
     A counter of samples that falls by one is as good as a clock; one that wraps, or passes midnight, rises in few rows.
     """
-    columns = {name: column for name, column in numeric_columns(table).items() if not column.header.has(COUNTDOWN)}
+    parts = {name for pair in table.joined.values() for name in pair}
+    columns = {
+        name: column
+        for name, column in numeric_columns(table).items()
+        if name not in parts and not column.header.has(COUNTDOWN)
+    }
     falling = {
         name: replace(column, values=column.values[::-1])
         for name, column in columns.items()

@@ -211,12 +211,13 @@ def test_the_mapping_that_is_written_reads_the_same(tmp_path):
     np.testing.assert_array_equal(read_signals(path, mapping).io().u, read_signals(path).io().u)
 
 
-def test_without_a_clock_the_rows_of_the_output_are_the_samples(tmp_path):
+def test_without_a_clock_nothing_says_when_the_rows_were(tmp_path):
+    """The output's own rate, or that of all rows: the answer would be wrong without a word."""
     u, y = signals_of(0.24, None, 0.02, 0.0)
     table = union(u, y)
     del table["t_s"]
-    data = read_record(write(tmp_path / "a.csv", table), Ts=TS).data
-    assert pole_and_gain(data.u[:, 0], data.y[:, 0]) == pytest.approx((np.exp(-TS / TAU), GAIN), abs=1e-6)
+    with pytest.raises(InputError, match="a sampling time alone does not say when"):
+        read_record(write(tmp_path / "a.csv", table), Ts=TS)
 
 
 def test_a_few_empty_cells_are_lost_samples_still(tmp_path):
