@@ -183,7 +183,7 @@ def stranger(folder, **more):
     return folder
 
 
-@pytest.mark.parametrize("more", [{}, {"images": [PICTURE]}])
+@pytest.mark.parametrize("more", [pytest.param({}, marks=pytest.mark.nightly), {"images": [PICTURE]}])
 def test_a_session_of_a_stranger_calls_nobody(watched, trap, tmp_path, more):
     with app(stranger(tmp_path / "session", **more)) as served:
         own = {f"127.0.0.1:{served.port}"}

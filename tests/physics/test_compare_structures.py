@@ -201,10 +201,10 @@ def test_noise_does_not_tell_parts_of_a_record_apart(effect):
     assert verdict.first == effect
 
 
-_BY_NIGHT = [pytest.param(kind, marks=pytest.mark.nightly) for kind in ("heat", "cogging")]
+_BY_NIGHT = [pytest.param(kind, marks=pytest.mark.nightly) for kind in ("heat", "cogging", "drag")]
 
 
-@pytest.mark.parametrize("kind", ["place", "drag", *_BY_NIGHT])
+@pytest.mark.parametrize("kind", ["place", *_BY_NIGHT])
 def test_what_acts_on_the_drive_comes_first(kind):
     """Three drawn legs, whose input is disturbed so that they move as if the drive had it; one may be lost in noise."""
     first = []
