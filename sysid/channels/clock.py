@@ -192,8 +192,16 @@ def clock_distance(clock: Column, second_clock: Column) -> str:
     distance = clock.values * factor - second_clock.values * other_factor
     distance = distance[np.isfinite(distance)]
     step = clock.step * factor
-    if not len(distance) or not step > 0 or np.ptp(distance) <= SAME_TIME * step:
+    if not len(distance) or not step > 0:
         return ""
+    shift, span = -float(np.median(distance)), float(np.ptp(clock.finite)) * factor
+    if np.ptp(distance) <= SAME_TIME * step:
+        if not SAME_TIME * step < abs(shift) < span:
+            return ""  # a clock since 1970, or since the board began, shows the same time as well
+        return (
+            f", {abs(shift):.4g} s {'later' if shift > 0 else 'earlier'} in every row: input and output of a row are "
+            "taken as of one time, whatever clock each of them has"
+        )
     return (
         f", but is up to {np.ptp(distance):.3g} s earlier or later beside it ({np.ptp(distance) / step:.0%} of a "
         f"step); choose it with --time {second_clock.name!r} if it is the better one"

@@ -230,7 +230,7 @@ def _tell_starts(table: Table, column: str, unclear: list[str], why: list[str]) 
     """Says where a clock that is not used starts again: a sampling time that is given joins no two experiments."""
     starts = starts_of_clock(table, column)
     if doubt := doubt_of_starts(table, column, starts):
-        unclear.append(f"column {column!r}: {doubt}")
+        unclear.append(f"column {column!r}: {doubt}; with period, leave --ts out")
     rows = rows_text(table, column, starts.tolist())
     why.append(f"column {column!r}, a clock that is not used, starts again at {rows}: experiments of their own")
 
