@@ -33,7 +33,16 @@ from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, labels_of, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
-from sysid.channels.roles import STRONG, Columns, Roles, choose_signals, doubts_of_roles, is_counter, switch_of
+from sysid.channels.roles import (
+    STRONG,
+    Columns,
+    Roles,
+    choose_other,
+    choose_signals,
+    doubts_of_roles,
+    is_counter,
+    switch_of,
+)
 from sysid.channels.sign import sign_bit_of, with_sign
 from sysid.data.table import Table
 from sysid.formats import read_table
@@ -241,6 +250,7 @@ def _guess_signals(
     """The columns of input and output: those that are given, or by guess where none is."""
     if given.input is not None or given.output is not None:
         roles: Roles = {"input": columns.get(given.input or ""), "output": columns.get(given.output or "")}
+        choose_other(roles, signals, why)
         unclear += doubts_of_roles(table, roles, columns, signals)
         return roles
     sure = not unclear

@@ -67,6 +67,17 @@ def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list
     return roles
 
 
+def choose_other(roles: Roles, columns: Columns, why: list[str]) -> None:
+    """Puts the column of the other role beside one that is given, where its name or its unit says so beyond doubt."""
+    missing = [role for role in ("input", "output") if roles.get(role) is None]
+    rest = {name: c for name, c in columns.items() if not any(c is each for each in roles.values())}
+    said, doubts = list[str](), list[str]()
+    column = _choose_column(missing[0], rest, said, doubts) if len(missing) == 1 else None
+    if column is not None and not doubts and not column.constant:
+        roles[missing[0]] = column
+        why += said
+
+
 def _is_exchanged(first: Column, second: Column, unclear: list[str]) -> bool:
     """Whether two columns whose names are no usual ones stand as output, input; what is a toss-up is unclear."""
     inputs, outputs = ([c.header.has(words) for c in (first, second)] for words in (WEAK_INPUT, WEAK_OUTPUT))

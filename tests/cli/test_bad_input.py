@@ -74,7 +74,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
         ["lengths.mat", "'u' has 50", "'y' has 60"],
     ),
     "unknown column": (["good.csv", "--ts", "1", "--input", "v", "--output", "y"], ["good.csv", "'v'", "u, y"]),
-    "one column named": (["time.csv", "--ts", "1", "--output", "y"], ["time.csv", "t, u, y", "--input"]),
+    "one column named": (["time.csv", "--ts", "1", "--input", "y"], ["time.csv", "t, u, y", "--output"]),
     "same column": (["good.csv", "--ts", "1", "--input", "u", "--output", "u"], ["'u'", "two columns"]),
     "text": (["text.csv", "--ts", "1"], ["text.csv, row 17, column 'u'", "'abc'", "not a number"]),
     "nan": (["nan.csv", "--ts", "1"], ["nan.csv, row 17, column 'u'", "NaN"]),

@@ -53,3 +53,12 @@ def test_an_input_that_stands_second_is_questioned(tmp_path):
     np.testing.assert_allclose(read_record(path, Ts=0.02, input="2", output="1").data.u[:, 0], U)
     right = read_record(write(tmp_path / "b.csv", "", U, Y), Ts=0.02)
     np.testing.assert_allclose(right.data.u[:, 0], U)
+
+
+def test_one_column_that_is_named_leaves_the_other_to_its_name(tmp_path):
+    path = write(tmp_path / "a.csv", "time_s,voltage_V,speed,position", EVEN, U, np.gradient(Y), Y)
+    record = read_record(path, output="speed")
+    np.testing.assert_allclose(record.data.u[:, 0], U)
+    assert any("'voltage_V' is the input: its name says so" in note for note in record.notes)
+    with pytest.raises(InputError, match="name one with --output"):
+        read_record(write(tmp_path / "b.csv", "time_s,a,b,c", EVEN, U, np.gradient(Y), Y), input="a")
