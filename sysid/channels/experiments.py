@@ -11,7 +11,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
-from sysid.channels.column import Column, numbers, parse_header, soft_numbers, words
+from sysid.channels.column import Column, column_of, numbers, parse_header, soft_numbers, words
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ChannelMap, Range
 from sysid.channels.repair import keep_rows
@@ -99,7 +99,8 @@ def _starts_of(table: Table, column: str) -> np.ndarray:
     """
     if (labels := _labels(table, column)) is not None:
         return np.flatnonzero(np.diff(labels.values)) + 1
-    if np.nanmedian(np.diff(soft_numbers(table, column))) > 0:
+    steps = np.diff(column_of(table, column).finite)
+    if len(steps) and np.median(steps) > 0:
         return starts_of_clock(table, column)
     return np.flatnonzero(np.diff(numbers(table, column, "range.experiment"))) + 1
 

@@ -143,11 +143,11 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
-    by_clock = [name for name in counters if name and len(starts_of_clock(table, name))]
-    numbered = experiments.name if experiments else ""
-    if by_clock and len(starts_of_clock(table, by_clock[0])) >= _count_of_changes(experiments):
-        numbered, experiments = by_clock[0], None
-        _tell_starts(table, numbered, unclear, why)
+    starts = {name: found for name in counters if name and len(found := starts_of_clock(table, name))}
+    numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
+    if by_clock and len(starts[by_clock]) >= _count_of_changes(experiments):
+        numbered, experiments = by_clock, None
+        _tell_starts(table, by_clock, starts[by_clock], unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments else []
@@ -235,9 +235,8 @@ def _count_of_changes(column: Column | None) -> int:
     return 0 if column is None else int(np.count_nonzero(np.diff(column.values)))
 
 
-def _tell_starts(table: Table, column: str, unclear: list[str], why: list[str]) -> None:
+def _tell_starts(table: Table, column: str, starts: np.ndarray, unclear: list[str], why: list[str]) -> None:
     """Says where a clock that is not used starts again: a sampling time that is given joins no two experiments."""
-    starts = starts_of_clock(table, column)
     if doubt := doubt_of_starts(table, column, starts):
         unclear.append(f"column {column!r}: {doubt}; with period, leave --ts out")
     rows = rows_text(table, column, starts.tolist())

@@ -122,7 +122,11 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
         return _sample_pieces(table, mapping, pieces, notes)
-    mapping = alone(mapping)
+    return _sample_part(table, alone(mapping), notes)
+
+
+def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> Signals:
+    """The record of one experiment; the table is in order, and the mapping has its units."""
     if mapping.range != Range(drive=mapping.range.drive):
         table, note = _keep_range(table, mapping)
         notes = (*notes, note)
@@ -170,7 +174,7 @@ def _sample_pieces(table: Table, mapping: ChannelMap, pieces: list[tuple[int, in
     spans = [f"{table.places(2)} {rows[start]} to {rows[stop - 1]}" for start, stop in kept]
     parts = []
     for start, stop in kept:
-        parts.append(sample(cut(table, start, stop, n), alone(mapping)))
+        parts.append(_sample_part(cut(table, start, stop, n), alone(mapping), ()))
     left_out = sum(stop - start for start, stop in pieces) - sum(stop - start for start, stop in kept)
     if len(parts) == 1:
         return replace(parts[0], notes=(*notes, f"used {spans[0]}, one experiment of the file", *parts[0].notes))
