@@ -1,6 +1,7 @@
 """Groups of channels, each with its own times, as the columns of a table; and the libraries that read such files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -41,7 +42,7 @@ def table_of_groups(path: Path, groups: Sequence[Group], place: str, notes: Sequ
         arrays.column(name, np.asarray(t, dtype=float))
         arrays.units[name] = "s"
     for group, prefix in zip(groups, _distinct([group.name for group in groups]), strict=True):
-        clock = next((c for c, (_, t) in zip(clock_names, clocks, strict=True) if _is(group.t, t)), "")
+        clock = next((c for c, (_, t) in zip(clock_names, clocks, strict=True) if _same(group.t, t)), "")
         for name, values in group.channels.items():
             column = name if names.count(name) == 1 else f"{prefix}.{name}"
             before = set(arrays.columns)
@@ -52,13 +53,38 @@ def table_of_groups(path: Path, groups: Sequence[Group], place: str, notes: Sequ
     return arrays.table(place, "has no channel with numbers; record one that has signals")
 
 
-def _is(t: np.ndarray | None, other: np.ndarray) -> bool:
-    return t is not None and np.array_equal(t, other)
+def group_of(groups: list[Group], name: str, t: np.ndarray | None) -> Group:
+    """The group of this time among `groups`, to which a new one called `name` is added where there is none."""
+    group = next((each for each in groups if _same(each.t, t)), None)
+    if group is None:
+        group = Group(name, t)
+        groups.append(group)
+    return group
+
+
+def _same(t: np.ndarray | None, other: np.ndarray | None) -> bool:
+    return t is other if t is None or other is None else np.array_equal(t, other)
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
     """The names, with their number behind those that come twice."""
     return [name if names.count(name) == 1 else f"{name}({k})" for k, name in enumerate(names, start=1)]
+
+
+@contextmanager
+def damage(path: Path, kind: str, remedy: str) -> Iterator[None]:
+    """Within it every error of a library that reads `path` is an InputError: a damaged file fails in many ways there.
+
+    What the machine refuses, memory or the disk, stays what it is.
+    """
+    try:
+        yield
+    except MemoryError:
+        raise
+    except Exception as error:
+        if isinstance(error, OSError) and error.errno:
+            raise
+        raise InputError(f"{path} is not a readable {kind} file ({type(error).__name__}); {remedy}") from None
 
 
 def libraries_of(path: Path, libraries: Mapping[str, str], extra: str, kind: str) -> tuple[str, ...]:

@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import Any, ClassVar
 
-from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._format import Format
-from sysid.formats._groups import Group, libraries_of, table_of_groups
+from sysid.formats._groups import Group, damage, group_of, libraries_of, table_of_groups
 
 LIBRARIES = {"asammdf": "asammdf"}
 
@@ -31,17 +30,8 @@ class Mdf(Format):
         """The channels in `path`; raises InputError if it is damaged or has no numbers."""
         from asammdf import MDF
 
-        try:
-            with MDF(path) as file:
-                groups = [group for k in range(len(file.groups)) for group in _groups(file, k)]
-        except MemoryError:
-            raise
-        except Exception as error:  # a damaged file fails in many ways inside asammdf
-            if isinstance(error, OSError) and error.errno:
-                raise
-            raise InputError(
-                f"{path} is not a readable MDF file ({type(error).__name__}); write it again with what made it"
-            ) from None
+        with damage(path, "MDF", "write it again with what made it"), MDF(path) as file:
+            groups = [group for k in range(len(file.groups)) for group in _groups(file, k)]
         return table_of_groups(path, groups, "sample")
 
 
@@ -54,14 +44,9 @@ def _groups(file: Any, k: int) -> list[Group]:
         signal = file.get(channel.name, group=k, index=j)
         if signal.samples.dtype.kind in "SUO":
             signal = file.get(channel.name, group=k, index=j, raw=True)
-        group = next((each for each in groups if _same(each.t, signal.timestamps)), None)
-        if group is None:
-            group = Group(getattr(file.groups[k].channel_group, "acq_name", "") or channel.name, signal.timestamps)
-            groups.append(group)
+        group = group_of(
+            groups, getattr(file.groups[k].channel_group, "acq_name", "") or channel.name, signal.timestamps
+        )
         group.channels[channel.name] = signal.samples
         group.units[channel.name] = signal.unit
     return groups
-
-
-def _same(t: Any, other: Any) -> bool:
-    return len(t) == len(other) and bool((t == other).all())

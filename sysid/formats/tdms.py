@@ -5,11 +5,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import NUMERIC, TIMES, seconds
 from sysid.formats._format import Format
-from sysid.formats._groups import Group, libraries_of, table_of_groups
+from sysid.formats._groups import Group, damage, group_of, libraries_of, table_of_groups
 
 LIBRARIES = {"nptdms": "npTDMS"}
 CLOCKS = ("time", "t", "timestamp", "zeit", "x_value")  # channels that are the time of their group, in small letters
@@ -33,16 +32,8 @@ class Tdms(Format):
         """The channels in `path`; raises InputError if it is damaged or has no numbers."""
         from nptdms import TdmsFile
 
-        try:
+        with damage(path, "TDMS", "write it again with what made it"):
             groups = [part for group in TdmsFile.read(path).groups() for part in _groups(group)]
-        except MemoryError:
-            raise
-        except Exception as error:  # a damaged file fails in many ways inside npTDMS
-            if isinstance(error, OSError) and error.errno:
-                raise
-            raise InputError(
-                f"{path} is not a readable TDMS file ({type(error).__name__}); write it again with what made it"
-            ) from None
         first = min((group.t[0] for group in groups if group.t is not None and len(group.t)), default=0.0)
         for group in groups:
             if group.t is not None and abs(first) > 1e8:  # since 1970
@@ -58,11 +49,8 @@ def _groups(group: Any) -> list[Group]:
     for channel in channels:
         if channel is clock:
             continue
-        t = _time(channel, clock)
-        part = next((each for each in parts if _same(each.t, t)), None)
-        if part is None:
-            part = Group(group.name if not parts else f"{group.name}.{channel.name}", t)
-            parts.append(part)
+        name = group.name if not parts else f"{group.name}.{channel.name}"
+        part = group_of(parts, name, _time(channel, clock))
         part.channels[channel.name] = channel[:]
         part.units[channel.name] = str(channel.properties.get("unit_string", ""))
     return parts
@@ -81,7 +69,3 @@ def _time(channel: Any, clock: Any) -> np.ndarray | None:
     if values.dtype.kind == "M":
         return seconds(values - np.datetime64(0, "us"))
     return seconds(values) if values.dtype.kind == "m" else values.astype(float)
-
-
-def _same(t: np.ndarray | None, other: np.ndarray | None) -> bool:
-    return t is other if t is None or other is None else np.array_equal(t, other)

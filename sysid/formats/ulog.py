@@ -3,10 +3,9 @@
 from pathlib import Path
 from typing import ClassVar
 
-from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._format import Format
-from sysid.formats._groups import Group, libraries_of, table_of_groups
+from sysid.formats._groups import Group, damage, libraries_of, table_of_groups
 
 LIBRARIES = {"pyulog": "pyulog"}
 MICRO = 1e-6  # [s] of a stamp
@@ -31,16 +30,8 @@ class Ulog(Format):
         """The topics in `path`; raises InputError if it is damaged or has no numbers."""
         from pyulog import ULog
 
-        try:
+        with damage(path, "ULog", "download it from the vehicle again"):
             log = ULog(str(path))
-        except MemoryError:
-            raise
-        except Exception as error:  # a damaged file fails in many ways inside pyulog
-            if isinstance(error, OSError) and error.errno:
-                raise
-            raise InputError(
-                f"{path} is not a readable ULog file ({type(error).__name__}); download it from the vehicle again"
-            ) from None
         names = [topic.name for topic in log.data_list]
         groups = []
         for topic in log.data_list:
