@@ -13,6 +13,7 @@ from plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 
 from sysid.base.errors import InputError
 from sysid.formats import read_table
+from sysid.formats._groups import Group, group_of
 from sysid.workflow.record import read_record
 
 TS, SHIFT = 0.02, 0.0031
@@ -111,3 +112,12 @@ def test_arrays_truth_values_and_a_cut_end_of_a_log_of_wpilib(tmp_path):
     assert table.numbers("n").tolist() == [-k for k in range(19)]
     assert "the file is cut off; its last record is left out" in table.notes
     assert table.clocks["xy[0]"] == table.clocks["on"] != table.clocks["n"]
+
+
+def test_channels_without_a_time_stand_beside_those_that_have_one():
+    t = np.array([0.0, 0.1])
+    groups: list[Group] = []
+    timed, plain = group_of(groups, "a", t), group_of(groups, "b", None)
+    assert [group.name for group in groups] == ["a", "b"]
+    assert group_of(groups, "c", None) is plain
+    assert group_of(groups, "d", t.copy()) is timed
