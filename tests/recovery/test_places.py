@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
+from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
 
 
 def loss(M, y, places, chosen):

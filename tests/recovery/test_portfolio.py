@@ -14,7 +14,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import as_block
-from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
+from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
 from sysid.estimation.starts.portfolio.members import MEMBERS
 from sysid.estimation.starts.portfolio.screen import Screen
 from sysid.estimation.starts.portfolio.two_filters import choose_roots

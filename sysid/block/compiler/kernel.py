@@ -227,7 +227,7 @@ def _tangent(program: Program, absent: Mapping[str, float]) -> str:
             for i, p in enumerate(program.params)
         ),
         *(f"    s_{s} = 0.0" for s in program.states),
-        *(f"    {v} = np.zeros(n)" for v in sorted(w.vectors)),
+        *(f"    {v} = np.zeros(n + 1)" for v in sorted(w.vectors)),
         *(f"    {g} = 0.0" for g in sorted(w.numbers)),
         *(f"    {i} = 0" for i in w.places),
         *(["    dx = np.zeros(q)"] if w.buffered else []),

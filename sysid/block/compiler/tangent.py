@@ -93,7 +93,8 @@ class Columns(Derivatives):
     def _own(self, place: str, m: Map) -> None:
         for key, c in m.items():
             if key[0] == "p":
-                guard = f"if c_{key[1]} >= 0: " if key[1] in self.optional else ""
+                # A vector has one more cell, of index -1, for parameters that the block does not have; J has none.
+                guard = f"if c_{key[1]} >= 0: " if key[1] in self.optional and place.startswith("J") else ""
                 self.emit(f"{guard}{place.format(f'c_{key[1]}')} += {c}")
             elif key[0] == "a":
                 self.emit(f"{place.format(f'q + {key[1]}')} += {c}")

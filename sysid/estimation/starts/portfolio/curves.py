@@ -11,6 +11,7 @@ from scipy.optimize import least_squares
 
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks import Offset, PiecewiseLinear
+from sysid.estimation.starts.portfolio.exchange import chords
 from sysid.model.chain import Chain
 
 _SAMPLE = 1000  # samples of a signal that give its quantiles
@@ -73,9 +74,7 @@ def thin_places(knots: np.ndarray, values: np.ndarray, sample_mass: np.ndarray, 
     k = len(knots)
     if k <= count:
         return knots
-    from sysid.estimation.starts.portfolio.kernels import chords
-
-    cost = chords(np.ascontiguousarray(knots), np.ascontiguousarray(values), np.ascontiguousarray(sample_mass))
+    cost = chords(knots, values, sample_mass)
     best, previous = np.full((count, k), np.inf), np.zeros((count, k), dtype=int)
     best[0, 0] = 0.0
     for m in range(1, count):

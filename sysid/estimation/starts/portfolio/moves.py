@@ -16,6 +16,7 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._start import delay, denominators, filters_of, same_poles
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import maps_of, movable_maps
+from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
 from sysid.estimation.starts.portfolio.members import random_poles
 from sysid.estimation.starts.portfolio.surrogate import with_lines
 from sysid.model.chain import Chain, columns
@@ -113,8 +114,6 @@ def _best_polygon(
 
     None if less than `least` is won.
     """
-    from sysid.estimation.starts.portfolio.kernels import exchange_places, polygon
-
     G, h = J.T @ J, J.T @ z
     k, ridge = len(places), 1e-10 * float(np.diag(G).mean())
     G = G + ridge * np.eye(k)
@@ -137,7 +136,7 @@ def _best_polygon(
     ]
     best, best_choice = start, present
     for way in ways:
-        choice, cost = exchange_places(G, h, places, way.astype(np.int64), ridge, _SWEEPS, 0.1 * least)
+        choice, cost = exchange_places(G, h, places, way, ridge, _SWEEPS, 0.1 * least)
         if cost < best:
             best, best_choice = cost, choice
     if start - best < least:
