@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from numba import njit
-from numba.core import caching, sigutils
+from numba.core import caching, event, sigutils
 from numba.core.ccallback import CFunc
 
 _DIGEST = 32  # bytes
@@ -77,6 +77,27 @@ def _with_cache(made: Any, function: Callable) -> Any:
     with suppress(RuntimeError, OSError):  # numba finds no place for a cache
         made._cache = _Cache(function)
     return made
+
+
+class _Compilations(event.Listener):
+    """Counts what numba is compiling at the moment."""
+
+    running = 0
+
+    def on_start(self, event: Any) -> None:
+        self.running += 1
+
+    def on_end(self, event: Any) -> None:
+        self.running -= 1
+
+
+_compilations = _Compilations()
+event.register("numba:compile", _compilations)
+
+
+def compiles() -> bool:
+    """Whether a loop is being compiled now, in any thread: seconds, once on a machine."""
+    return _compilations.running > 0
 
 
 def kernel(function: Callable | None = None, **options: Any) -> Any:

@@ -5,7 +5,9 @@ import time
 
 import numpy as np
 import pytest
+from numba.core import event
 
+from sysid.base import compiled
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.structures import ActuatedJoint
@@ -141,3 +143,26 @@ def test_more_steps_than_were_expected_are_not_more_than_all(capsys):
     lines.update(6.0, "iteration 9")
     lines.write()
     assert ", 100 %: iteration 9" in capsys.readouterr().err
+
+
+def test_a_first_compilation_is_told_while_it_lasts(capsys):
+    lines = _Lines(4)
+
+    class During(event.Listener):
+        def on_start(self, event):
+            lines.write()
+
+        def on_end(self, event):
+            pass
+
+    @compiled.kernel
+    def double(x):
+        return 2.0 * x
+
+    with event.install_listener("numba:compile", During()):
+        double(1.0)
+    double(1.0)
+    lines.write()
+    told = capsys.readouterr().err.splitlines()
+    assert told[0].endswith("compiling, once on this machine")
+    assert "compiling" not in told[-1]

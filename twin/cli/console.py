@@ -139,6 +139,8 @@ def progress(
         def get_renderables(self) -> Iterable[RenderableType]:
             yield from super().get_renderables()
             yield from (Text(readable(line), no_wrap=True, overflow="crop") for line in below())
+            if _compiles():
+                yield Text(_COMPILES)
 
     columns = (
         TextColumn("{task.percentage:>3.0f} %"),
@@ -163,6 +165,15 @@ _BUDGET = 0.97  # of a step, at the end of its budget
 _SLOW = (10.0, 30.0)  # [s] until the first line without a terminal, and between two
 
 
+_COMPILES = "compiling, once on this machine"
+
+
+def _compiles() -> bool:
+    """Whether numba is at work; a command that has not loaded it waits for nothing of it."""
+    compiled = sys.modules.get("sysid.base.compiled")
+    return compiled is not None and compiled.compiles()
+
+
 class _Lines:
     """The progress as lines on standard error; a run of a few seconds says nothing."""
 
@@ -180,7 +191,8 @@ class _Lines:
         duration = time.monotonic() - self._begun
         time_left = _time_left(self._moved - self._begun, self._share, time.monotonic() - self._moved)
         time_left = time_left if self._known else ""
-        say(f"qpal: {duration:.0f} s, {100 * self._share:.0f} %: {self._name}{time_left}")
+        cause = f"; {_COMPILES}" if _compiles() else ""
+        say(f"qpal: {duration:.0f} s, {100 * self._share:.0f} %: {self._name}{time_left}{cause}")
 
 
 def _time_left(duration: float, share: float, since: float = 0.0) -> str:
