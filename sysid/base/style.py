@@ -96,6 +96,7 @@ def png(drawn: Figure | Axes | Sequence[Axes]) -> bytes:
     """A figure, or the one in which these axes stand, as PNG."""
     with house_look():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from PIL import Image
 
     figure: Any = drawn[0] if isinstance(drawn, Sequence) else drawn
     if not hasattr(figure, "savefig"):
@@ -103,9 +104,14 @@ def png(drawn: Figure | Axes | Sequence[Axes]) -> bytes:
     buffer = io.BytesIO()
     with house_look():
         _shorten(figure)
-        FigureCanvasAgg(figure)
+        canvas, dpi = FigureCanvasAgg(figure), figure.dpi
         make_room(figure)
-        figure.savefig(buffer, format="png", dpi=DPI)
+        figure.set_dpi(DPI)
+        try:
+            canvas.draw()  # savefig would draw twice: once for the layout
+            Image.fromarray(np.asarray(canvas.buffer_rgba())).save(buffer, format="png", dpi=(DPI, DPI))
+        finally:
+            figure.set_dpi(dpi)
     return buffer.getvalue()
 
 
