@@ -101,6 +101,7 @@ def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
     assert {"driver.upper", "sensor.c1"} <= {p["name"] for p in summary["parameters"]}
 
 
+@pytest.mark.nightly
 def test_data_sheets_come_in_by_options_and_bad_ones_end_in_a_sentence(plain_log, tmp_path, capsys):
     joint = ["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1"]
     wide = tmp_path / "wide"

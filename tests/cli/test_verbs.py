@@ -202,7 +202,9 @@ def directly():
     return evaluate(Setting(HammersteinWiener(2, 2, 1)), *quick_start(experiment.io()))
 
 
-@pytest.mark.parametrize("suffix", formats.WRITTEN)
+@pytest.mark.parametrize(
+    "suffix", [".csv", *(pytest.param(s, marks=pytest.mark.nightly) for s in formats.WRITTEN if s != ".csv")]
+)
 def test_a_simulated_log_is_identified_as_if_it_had_never_been_a_file(suffix, directly, tmp_path, capsys):
     log = tmp_path / f"thigh{suffix}"
     arguments = ["--joint", "thigh", "--duration", "60", "--seed", "3", "--log", str(log), "--out", str(tmp_path / "s")]

@@ -12,6 +12,7 @@ from cases import FOREIGN
 from corrupt_cases import CASES, text
 from hypothesis import given
 from hypothesis import strategies as st
+from often import FULL
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table
@@ -82,6 +83,9 @@ def test_a_corrupt_log_is_read_right_or_refused(name, content, expected, tmp_pat
     assert [entry.name for entry in tmp_path.iterdir()] == [name]  # nothing was run or left
 
 
+TIMES = 25 if FULL else 9
+
+
 def truth() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(3)
     return rng.integers(-500, 500, 80) / 100, rng.integers(100, 999, 80) / 10
@@ -89,7 +93,7 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("name", DAMAGED)
 def test_a_cut_file_gives_no_wrong_number(name, tmp_path):
-    """Cut at 25 places: the numbers that are read are the first ones, or a note says that the last may be wrong."""
+    """Cut at many places: the numbers that are read are the first ones, or a note says that the last may be wrong."""
     whole = tmp_path / name
     whole.parent.mkdir(exist_ok=True)
     FOREIGN[name](whole, *truth())
@@ -97,7 +101,7 @@ def test_a_cut_file_gives_no_wrong_number(name, tmp_path):
     _, right, refused = read(whole)
     assert right
     assert not refused
-    for k, size in enumerate(np.linspace(1, len(content) - 1, 25).astype(int)):
+    for k, size in enumerate(np.linspace(1, len(content) - 1, TIMES).astype(int)):
         path = tmp_path / f"cut{k}{suffix}"
         path.write_bytes(content[:size])
         table, found, refused = read(path)
@@ -120,7 +124,7 @@ def test_a_changed_byte_ends_in_a_table_or_a_sentence(name, tmp_path):
     FOREIGN[name](whole, *truth())
     content = bytearray(whole.read_bytes())
     rng = np.random.default_rng(1)
-    for k in range(25):
+    for k in range(TIMES):
         path = tmp_path / f"changed{k}{whole.suffix}"
         changed = bytearray(content)
         for place in rng.integers(0, len(content), 3):

@@ -51,7 +51,9 @@ def test_without_the_extra_a_sentence_says_how_to_install_it(module, suffix, ext
         read_table(tmp_path / f"a{suffix}")
 
 
-@pytest.mark.parametrize("file", [name for name in WRITERS if name != "a.csv"])
+@pytest.mark.parametrize(
+    "file", [pytest.param(n, marks=pytest.mark.nightly) if n == "a.mdf" else n for n in WRITERS if n != "a.csv"]
+)
 def test_a_damaged_file_is_a_sentence_or_a_table(file, tmp_path):
     """Cut at drawn places, and with drawn bytes changed: a sentence, or a table."""
     WRITERS[file](tmp_path / file, *KINDS["on change"])

@@ -192,7 +192,7 @@ def test_parts_of_a_right_cause_disagree_no_more_often_than_said(colour, monkeyp
     assert np.mean([remainders._disagree(J, e - J @ np.linalg.pinv(J) @ e, parts[0], 0.05) for e in bent[:30]]) > 0.9
 
 
-@pytest.mark.parametrize("effect", ["speed", "end_stop"])
+@pytest.mark.parametrize("effect", [pytest.param("speed", marks=pytest.mark.nightly), "end_stop"])
 def test_noise_does_not_tell_parts_of_a_record_apart(effect):
     """These joints rest for long at the median of their angles: what read high there stood against what read low."""
     example = stand_in(effect, 3001)

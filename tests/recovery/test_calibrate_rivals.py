@@ -61,7 +61,7 @@ def test_the_values_of_the_cause_are_those_of_the_search_and_not_of_one_step():
     assert max(searched) < 0.1 < 0.3 < min(linear)
 
 
-@pytest.mark.parametrize("searched", ["ab", "a"])
+@pytest.mark.parametrize("searched", [pytest.param("ab", marks=pytest.mark.nightly), "a"])
 def test_runs_of_one_leg_gain_as_seldom_as_is_said(searched):
     """Also where b is held 0.3 beside the truth in all runs alike: that is no difference."""
     chances, differ = [], 0

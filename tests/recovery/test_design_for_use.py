@@ -75,7 +75,7 @@ def test_the_expected_deviation_is_that_of_the_information_of_both_records(first
     assert 0.5 * alone < found.use.deviations[1] < 2.0 * alone
 
 
-@pytest.mark.parametrize("seed", often(4, 2))
+@pytest.mark.parametrize("seed", often(4, 1))
 def test_the_experiment_brings_the_free_run_over_inputs_of_use_nearer_to_the_joint(first, seed):
     data, fit = first
     found = design(fit, data, to_stops=True, use=drawn(Aprbs(12.0), 900, 10 + seed))

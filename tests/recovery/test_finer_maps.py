@@ -152,6 +152,7 @@ def test_what_is_held_or_given_stays():
         assert sysid.fit(wiener(1, 2, 1), data, objective=objective).model.blocks == wiener(1, 2, 1).blocks
 
 
+@pytest.mark.nightly
 def test_a_fit_that_goes_on_keeps_the_prior():
     """On its own record it stays; on another of the same plant it comes as near to the truth as a new fit."""
     deviation, model, departures = 0.02, hammerstein_wiener(1, 2, 1), []

@@ -211,6 +211,7 @@ def test_a_fit_tells_what_its_record_shows(stribeck: tuple[IOData, JointFit]) ->
     assert set(verdicts) == {"motor.stick", "motor.stick_down", "motor.loss", "motor.jam", "play.width"}
 
 
+@pytest.mark.nightly
 def test_a_fit_is_the_same_every_time_and_has_no_part_that_it_was_not_given(
     stribeck: tuple[IOData, JointFit],
 ) -> None:

@@ -53,7 +53,7 @@ def points_lost(fit, data):
 
 
 @pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.nightly), -1.0])
-@pytest.mark.parametrize("stops", ["none", "both"])
+@pytest.mark.parametrize("stops", [pytest.param("none", marks=pytest.mark.nightly), "both"])
 def test_a_pendulum_over_several_turns_fits_another_input_with_either_sign(sign, stops):
     pendulum = Reference(
         lambda x: 2.0 * np.sin(np.deg2rad(x)), gain=1.9, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=0.0
@@ -158,7 +158,8 @@ def with_backlash(y, width):
     return link
 
 
-@pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.nightly), -1.0])
+@pytest.mark.nightly
+@pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_rest_at_an_end_is_judged_by_the_voltage_that_moves_the_joint_there(sign):
     """A sweep alone shows it late (2.5 and 2.1 V): the joint crosses its backlash, and answers after its delay."""
     arm = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **ARM)

@@ -115,6 +115,7 @@ def test_finalists_meet_and_a_journal_keeps_what_they_did(tmp_path):
     assert again.sentence() == first.sentence()
 
 
+@pytest.mark.nightly
 def test_a_model_that_diverges_on_the_record_is_passed_over(monkeypatch):
     """The fit of the chosen one is made to diverge: the next one is handed over; where all do, nothing is."""
     data, whole = hammerstein_record(), Fit.fit_percent

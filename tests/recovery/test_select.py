@@ -174,6 +174,7 @@ def test_the_textbook_plant_among_all_default_maps():
     assert found.chosen.candidate == HammersteinWiener(2, 2, 1, "saturation", "piecewise_linear")
 
 
+@pytest.mark.nightly
 def test_a_killed_search_goes_on_and_ends_as_if_it_had_not_been(tmp_path):
     data, journal = hammerstein_record(), tmp_path / "search.jsonl"
     every: list[str] = []

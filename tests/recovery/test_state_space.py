@@ -208,6 +208,7 @@ def test_tangent_is_the_free_run_s_answer_to_a_small_step():
         np.testing.assert_allclose(G.F_gradient[:, i], (ends[0].F - ends[1].F) / 2e-6, atol=1e-6)
 
 
+@pytest.mark.nightly
 @pytest.mark.slow
 def test_intervals_cover_as_often_as_they_say(seeds):
     """Outputs, gain and poles of a plant of one unit, 95 %: in the reduced run as far out as chance allows."""
