@@ -68,14 +68,22 @@ def tangent(fit: Fit | NlarxFit, u: float = 0.0, x: float | None = None) -> "Tra
     if isinstance(fit, NlarxFit):
         return nlarx_linearize.tangent(fit, u)
 
+    B, F = fraction(fit, u, x)
+    B = np.trim_zeros(B, "f")
+    return control.tf(B if len(B) else np.zeros(1), F, fit.Ts)
+
+
+def fraction(fit: Fit, u: float = 0.0, x: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """B and F (n + 1,) of the tangent at the operating point of constant input u, as `scipy.signal.lfilter` has them.
+
+    Raises InputError where the model has no operating point there.
+    """
     if any(isinstance(b, StateSpace) for b in fit.model.blocks):
         G = rational(fit.model, fit.theta, u)
-        return control.tf(np.trim_zeros(G.B, "f"), G.F, fit.Ts)
-
+        return np.concatenate([np.zeros(max(len(G.F) - len(G.B), 0)), G.B]), G.F
     op = findop(fit, u, x)
     B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))
-    B = np.trim_zeros(B * op.input_slope * op.output_slope, "f")
-    return control.tf(B if len(B) else np.zeros(1), F, fit.Ts)
+    return B * op.input_slope * op.output_slope, F
 
 
 def tangent_ss(fit: Fit, u: float = 0.0, x: float | None = None) -> "ControlStateSpace":

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
@@ -255,25 +256,17 @@ def _uncertainty(
 
 def _step_response(fit: Fit, u0: float) -> Curve | None:
     """Unit step response [y per u] of the model tangent, until its slowest pole settled to 1 % or grew 100 times."""
-    from sysid.base.looks import load
-
-    load()  # matplotlib, which control imports, whatever its settings are
-    import control
-
     poles = np.abs(fit.poles)
     largest = float(poles.max(initial=0.0))
     slowest = min(largest, 1.0 / max(largest, 1.0), 0.999)
     samples = int(np.clip(np.ceil(np.log(0.01) / np.log(max(slowest, 0.1))), 20, 2000)) + 10
     try:
-        tangent = linearize.tangent(fit, u0)
+        B, F = linearize.fraction(fit, u0)
     except InputError:  # a model that integrates has no operating point under a constant input
         return None
-    numerator = np.abs(np.ravel(getattr(tangent, "num_array", [[1.0]])[0][0])).max()
-    unit = 2.0 ** np.floor(np.log2(numerator)) if 0.0 < numerator < np.inf else 1.0  # scipy drops terms below 1e-14
     with np.errstate(all="ignore"):
-        response = control.step_response(tangent / unit, T=np.arange(samples) * fit.Ts)
-        y = unit * np.ravel(response.outputs)
-    return Curve(np.ravel(response.time), y) if np.all(np.isfinite(y)) else None
+        y = lfilter(B, F, np.ones(samples))
+    return Curve(np.arange(samples) * fit.Ts, y) if np.all(np.isfinite(y)) else None
 
 
 def _maps(fit: Fit, data: IOData) -> dict[str, Curve]:
