@@ -57,7 +57,7 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
             f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave "
             "unit, wrap and period of the clock out"
         )
-    if not clock.column and clock.Ts is None:
+    if not clock.column and clock.Ts is None and not any(channel.clock for channel in mapping.output):
         raise InputError(
             f"{table.path}: no sampling time is given; give it with --ts SECONDS or name a time column with --time "
             "(in a mapping: Ts or column of [clock])"

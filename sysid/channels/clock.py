@@ -200,7 +200,8 @@ def clock_distance(clock: Column, second_clock: Column) -> str:
             return ""  # a clock since 1970, or since the board began, shows the same time as well
         return (
             f", {abs(shift):.4g} s {'later' if shift > 0 else 'earlier'} in every row: input and output of a row are "
-            "taken as of one time, whatever clock each of them has"
+            "taken as of one time, whatever clock each of them has; if each has its own, name it as clock of [[input]] "
+            "and of [[output]] in a mapping"
         )
     return (
         f", but is up to {np.ptp(distance):.3g} s earlier or later beside it ({np.ptp(distance) / step:.0%} of a "

@@ -64,7 +64,10 @@ def choose_clock(columns: Columns) -> ClockChoice:
         finest = _finest_clock(candidates)
         if finest is None:
             names = ", ".join(repr(column.name) for column in candidates)
-            choice.unclear.append(f"{names} may each be the clock and do not agree; name one with --time")
+            choice.unclear.append(
+                f"{names} may each be the clock and do not agree; name one with --time, or where each signal has its "
+                "own, name it as clock of [[input]] and of [[output]] in a mapping"
+            )
             choice.remarks["clock.column"] = f"not sure: one of {names}"
             choice.clock = Clock(column=clock.name)
             return choice
@@ -102,7 +105,7 @@ def _named_clocks(columns: Columns) -> list[Column]:
     """Columns that are clocks by name or by unit, and rise."""
     rising = [c for c in columns.values() if not c.constant and (c.rising or counter_bits(c))]
     by_name = [column for column in rising if is_named_clock(column.header)]
-    by_name = [column for column in by_name if not _is_measurement(column)] or by_name
+    by_name = [column for column in by_name if not is_measurement(column)] or by_name
     by_unit = [column for column in rising if column not in by_name and is_time(column.header.unit)]
     if CLOCK_OF_LOG in columns:  # of others only those that say another time beyond doubt
         clock = columns[CLOCK_OF_LOG]
@@ -111,7 +114,7 @@ def _named_clocks(columns: Columns) -> list[Column]:
     return by_name or by_unit
 
 
-def _is_measurement(column: Column) -> bool:
+def is_measurement(column: Column) -> bool:
     """Whether a column names a unit that is none of time, or is called T, as temperatures, torques and periods are.
 
     T [degC] of a motor that warms up rises too.

@@ -33,6 +33,7 @@ from sysid.channels.conversion import COUNTS, convert, is_time, seconds
 from sysid.channels.experiments import column_of_experiments, doubt_of_starts, labels_of, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
+from sysid.channels.own_clocks import with_own_clocks
 from sysid.channels.roles import (
     STRONG,
     Columns,
@@ -110,14 +111,23 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     for name in (given.input, given.output, given.time, *chain.from_iterable(further.values())):
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
+    ruled, note = with_own_clocks(table)
+    if note and given.time in (None, *ruled.clocks.values()):
+        table = ruled
     timed, others = _columns_with_output(table, columns, given)
     if given.time in others and given.time in table.clocks.values():
         raise InputError(
             f"{table.path}: --time is {given.time!r}, which is not the clock of the output; name one of "
             f"{list_names([name for name in timed if is_named_clock(columns[name].header)])}"
         )
-    choice = _guess_clock(table, columns if given.time is not None else timed, given)
+    if given.time is None and len({table.clocks[name] for name in timed if name in table.clocks}) > 1:
+        choice = ClockChoice(Clock(Ts=given.Ts))  # which of them is open until the output is known
+    else:
+        choice = _guess_clock(table, columns if given.time is not None else timed, given)
     why, unclear, remarks = choice.why, choice.unclear, choice.remarks
+    if table is ruled and note:
+        why.append(note)
+        unclear += [f"{note.partition(';')[0]}; leave --ts out, which does not say when each was"] if given.Ts else []
     if choice.clock is not None and choice.clock.column in table.joined:
         why[:] = [f"columns {list_names(table.joined[choice.clock.column])} are one clock, in s"]
     clock = choice.clock or Clock()
@@ -140,6 +150,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
+    if table is ruled and note:
+        channels = {role: [_with_clock(table, clock, channel) for channel in channels[role]] for role in channels}
     mapping = ChannelMap(clock=clock, input=tuple(channels["input"]), output=tuple(channels["output"]))
     why += [switch_note] if switch_note else []
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
@@ -152,6 +164,12 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments else []
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
+
+
+def _with_clock(table: Table, clock: Clock, channel: Channel) -> Channel:
+    """The channel with the clock of its own, where it is another than that of the rows."""
+    own = table.clocks.get(channel.column, "")
+    return channel.model_copy(update={"clock": own}) if own != clock.column else channel
 
 
 def _columns_with_output(table: Table, columns: Columns, given: Given) -> tuple[Columns, set[str]]:
@@ -191,6 +209,9 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     Ts = stated_sampling_time(table)
     if choice.clock is None and Ts is None:  # dates are often coarser than the samples
         choice = choose_clock({name: column for name, column in columns.items() if column.dated})
+    own = [name for name in columns if name in table.clocks.values()]
+    if choice.clock is None and len(own) == 1 < len(set(table.clocks.values())):  # x of x, y has no telling name
+        choice = clock_of_column(columns[own[0]])
     if given.Ts is not None:
         notes = _notes_on_unused_clock(table, choice.clock, columns, given.Ts) if not choice.unclear else []
         unused = choice.clock.column if choice.clock is not None else uneven_time(columns, signals)

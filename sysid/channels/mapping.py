@@ -126,6 +126,7 @@ class Channel(_Part):
         default=0, description="bit, from 0, that says minus in a word of sign and magnitude, such as 15; 0: none"
     )
     times: Text = Field(default="", description="column that multiplies the number, such as the supply of a duty")
+    clock: Text = Field(default="", description='column of this channel\'s own time stamps; "": those of [clock]')
     between: Literal["", "held", "line"] = Field(
         default="", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
     )
@@ -231,6 +232,7 @@ class ChannelMap(_Part):
         for _, channel, entry in self.channels():
             entries.setdefault(channel.column, f"{entry}.column")
             entries.setdefault(channel.times, f"{entry}.times")
+            entries.setdefault(channel.clock, f"{entry}.clock")
         entries.pop("", None)
         return entries
 

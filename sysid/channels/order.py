@@ -1,13 +1,14 @@
 """The order of the rows: a log may have its newest row first, as tables of data bases and cloud services do."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from sysid.channels.clock import is_named_clock
 from sysid.channels.clock_choice import choose_clock
 from sysid.channels.column import RISING, Column, numeric_columns, words
-from sysid.channels.repair import take_rows
+from sysid.channels.repair import cells_at
 from sysid.channels.roles import is_counter
 from sysid.data.table import Table
 
@@ -41,8 +42,9 @@ def oldest_first(table: Table) -> Table:
     unsure = choice is not None and (choice.unclear or choose_clock(columns).clock is not None)
     if not _is_named(columns[name]) and counter is None and unsure:
         return table  # a signal as well
-    n = table.length(name)
-    table = take_rows(table, np.arange(n)[::-1], n)
+    turned = tuple(cells_at(cells, np.arange(len(cells))[::-1]) for cells in table.columns)  # of any length
+    numbers: dict[int, Any] = {id(rows): np.asarray(rows)[::-1] for rows in table.rows}
+    table = replace(table, columns=turned, rows=tuple(numbers[id(rows)] for rows in table.rows))
     note = f"the rows were turned round: the clock {name!r} falls throughout, so the newest row stood first"
     return replace(table, notes=(*table.notes, note))
 

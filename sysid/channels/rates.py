@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.column import numbers, soft_numbers
+from sysid.channels.clock import unit_of_clock
+from sysid.channels.column import column_of, numbers, soft_numbers
 from sysid.channels.complaints import list_names
 from sysid.channels.conversion import seconds
 from sysid.channels.mapping import ChannelMap
@@ -72,8 +73,8 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
     if not mapping.clock.column:
         raise InputError(
             f"{table.path}: columns {list_names([reference, *(n for n in names if names[n])])} have values "
-            "in other rows, and a sampling time alone does not say when; leave --ts out where a column is the clock, "
-            "name it with --time, or give a log in which every row has both"
+            "in other rows or at other times, and a sampling time alone does not say when; leave --ts out where a "
+            "column is the clock, name it with --time, or give a log in which every row has both"
         )
     filled = np.isfinite(soft_numbers(table, reference))
     clocks = _clocks(table, mapping, (reference, *names))
@@ -152,6 +153,8 @@ def _clocks(table: Table, mapping: ChannelMap, names: tuple[str, ...]) -> dict[s
     own = {table.clocks.get(name, reference) for name in names}
     if len(own) < 2:
         return dict.fromkeys(names, column)
+    if column == reference:
+        return {name: table.clocks.get(name, reference) for name in names}
     prefix = reference.rpartition(".")[0]
     stamps = {clock: clock.rpartition(".")[0] + column.removeprefix(prefix) for clock in own}
     use_stamps = column.startswith(prefix) and all(stamp in table.names for stamp in stamps.values())
@@ -179,7 +182,9 @@ def _times(table: Table, mapping: ChannelMap, clock: str, filled: np.ndarray) ->
 
 def _seconds(table: Table, mapping: ChannelMap, clock: str) -> np.ndarray:
     """The stamps (n,) [s] of a clock: in the unit of the mapping, or in that of the file where it is another one."""
-    unit = mapping.clock.unit if clock == mapping.clock.column else table.units.get(clock, mapping.clock.unit)
+    unit = mapping.clock.unit
+    if clock != mapping.clock.column:
+        unit = table.units.get(clock, "") or unit_of_clock(column_of(table, clock)).unit or unit
     return soft_numbers(table, clock) * seconds(unit)
 
 

@@ -23,6 +23,7 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
 from sysid.channels.mapping_file import read_map
 from sysid.channels.order import oldest_first
+from sysid.channels.own_clocks import with_clocks
 from sysid.channels.rates import at_output
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
@@ -115,10 +116,11 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
         mapping = mapping.model_copy(update={"other": other})
     check_mapping(table, mapping)
+    table, mapping, clock_notes = with_clocks(table, mapping)
     table, rate_notes = at_output(table, mapping)
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
-    notes = (*notes, *rate_notes, *unit_notes, *([dates] if dates else []))
+    notes = (*notes, *clock_notes, *rate_notes, *unit_notes, *([dates] if dates else []))
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
         return _sample_pieces(table, mapping, pieces, notes)
@@ -227,8 +229,8 @@ def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray],
         if len(values) != len(columns[0]):
             raise InputError(
                 f"{table.path}: column {channels[0][1].column!r} has {len(columns[0])} samples and "
-                f"{channel.column!r} has {len(values)}; name two of one length, or give a log that has both "
-                "in every sample"
+                f"{channel.column!r} has {len(values)}; name two of one length, or the time stamps of each as "
+                "clock of [[input]] and of [[output]] in a mapping"
             )
         if len(values) < 2:
             raise InputError(

@@ -60,14 +60,15 @@ def keep_rows(table: Table, keep: np.ndarray) -> Table:
 def take_rows(table: Table, chosen: np.ndarray, n: int) -> Table:
     """The table with the rows `chosen` (m,) of n in this order; columns of another length are left out."""
     complete = [j for j, cells in enumerate(table.columns) if len(cells) == n]
-    columns = tuple(_chosen_cells(table.columns[j], chosen) for j in complete)
+    columns = tuple(cells_at(table.columns[j], chosen) for j in complete)
     distinct_rows = {id(table.rows[j]): table.rows[j] for j in complete}  # most files have one for all columns
     numbers = {key: np.asarray(rows)[chosen] for key, rows in distinct_rows.items()}
     rows: tuple[Any, ...] = tuple(numbers[id(table.rows[j])] for j in complete)
     return replace(table, names=tuple(table.names[j] for j in complete), columns=columns, rows=rows)
 
 
-def _chosen_cells(cells: Sequence[str] | np.ndarray, chosen: np.ndarray) -> Sequence[str] | np.ndarray:
+def cells_at(cells: Sequence[str] | np.ndarray, chosen: np.ndarray) -> Sequence[str] | np.ndarray:
+    """The cells at these places (m,)."""
     if isinstance(cells, Texts):
         return cells.taken(chosen)
     return cells[chosen] if isinstance(cells, np.ndarray) else [cells[k] for k in chosen.tolist()]

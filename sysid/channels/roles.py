@@ -230,11 +230,12 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
     inventory = f"found {len(table.names)} column{'s' if len(table.names) > 1 else ''} ({list_names(table.names)})"
     frozen_note = f"; {' and '.join(c.name for c in frozen)} never {'changes' if len(frozen) == 1 else 'change'}"
     frozen_note = frozen_note if frozen else ""
-    if len(free) - len(frozen) >= len(missing):
-        options = " and one with ".join(f"--{role}" for role in missing)
-        return [f"{inventory}{frozen_note}; name one with {options}, or in the mapping file of --map"]
     clocks = [name for name in columns if name not in signals]
     clock = f", of which {' and '.join(clocks)} show{'s' if len(clocks) == 1 else ''} time" if clocks else ""
+    if len(free) - len(frozen) >= len(missing):
+        options = " and one with ".join(f"--{role}" for role in missing)
+        shown = clock if len(clocks) > 1 else ""
+        return [f"{inventory}{shown}{frozen_note}; name one with {options}, or in the mapping file of --map"]
     left_open = " and the ".join(missing)
     omissions = "".join(f"; {note}" for note in table.notes if note.startswith("left out what"))
     if frozen:

@@ -78,9 +78,10 @@ def test_a_second_clock_that_is_later_throughout_is_told(tmp_path):
     """A time since 1970 is the same time; one that is a second later may be that of the output alone."""
     notes = {}
     for shift in (0.0, 1.0, 1.7e9):
-        path = write(tmp_path / "a.csv", "cmd_time,cmd_V,meas_time,meas_rad", TS * K, U, TS * K + shift, Y)
+        path = write(tmp_path / "a.csv", "board_time,cmd_V,host_time,meas_rad", TS * K, U, TS * K + shift, Y)
         record = read_record(path, input="cmd_V", output="meas_rad")
         np.testing.assert_array_equal(record.data.y[:, 0], Y)
         notes[shift] = " ".join(record.notes)
     assert "1 s later in every row" in notes[1.0]
+    assert "if each has its own, name it as clock of [[input]] and of [[output]]" in notes[1.0]
     assert "in every row" not in notes[0.0] + notes[1.7e9]

@@ -28,15 +28,18 @@ class Try:
     options: dict[str, Any] = field(default_factory=dict)
     repair: dict[str, str] = field(default_factory=dict)
     content: bytes = b""
+    clocks: tuple[str, ...] = ()  # of u and of y, in a mapping
 
     def arguments(self, folder: Path) -> tuple[Path, dict[str, Any]]:
         """The file in `folder`, and the arguments that read it."""
         for name, content in {**self.entry.beside, self.entry.file: self.content}.items():
             (folder / name).write_bytes(content)
         options = dict(self.options)
-        if self.repair:
-            lines = [f"{name} = {value}" for name, value in self.repair.items()]
-            (folder / "m.toml").write_text("[repair]\n" + "\n".join(lines) + "\n")
+        if self.repair or self.clocks:
+            lines = ["[repair]", *(f"{name} = {value}" for name, value in self.repair.items())]
+            for role, column, clock in zip(("input", "output"), "uy", self.clocks, strict=False):
+                lines += [f"[[{role}]]", f'column = "{column}"', f'clock = "{clock}"']
+            (folder / "m.toml").write_text("\n".join(lines) + "\n")
             options = {"mapping": folder / "m.toml", **{k: v for k, v in options.items() if k == "range"}}
         return folder / self.entry.file, options
 
@@ -98,7 +101,11 @@ def _column(attempt: Try, match: re.Match[str], said: str) -> Try | None:
         r"(?:columns?|names|choose one of|found \d+ columns?) \(?((?:'[^']+'(?:, | and )?)+|[^;)]+)\)?", said
     )
     names = re.findall(r"'([^']+)'", named[1]) if named and "'" in named[1] else named[1].split(", ") if named else []
-    names = [name for name in names if name not in attempt.options.values() and f"which {name} show" not in said]
+    names = [
+        name
+        for name in names
+        if name not in attempt.options.values() and not re.search(rf"which .*\b{name} .*show", said)
+    ]
     roles = re.findall(r"--(input|output)", match[0])
     if len(names) < len(roles):
         return None
@@ -146,6 +153,12 @@ def _known(attempt: Try, match: re.Match[str], said: str) -> Try | None:
     return _option(attempt, **{role: names[places[role]] for role in roles}) if roles else None
 
 
+def _own_clocks(attempt: Try, match: re.Match[str], said: str) -> Try | None:
+    """With the two columns of the sentence as the clocks of input and output."""
+    names = re.findall(r"'([^']+)'", said)
+    return replace(attempt, clocks=tuple(names[:2])) if "do not agree" in said else None
+
+
 RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] = (
     (r"with --ts\b|--ts SECONDS", lambda a, m, s: None if "Ts" in a.options else _timed(a)),
     (r"--ts is [^;]*; (?:leave one|give)", lambda a, m, s: _without(a, "Ts") if "leave" in m[0] else _option(a, Ts=TS)),
@@ -163,6 +176,8 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"thousands marks, (-?[\d.,]+) if that", lambda a, m, s: _edit(a, s, m[1])),
     (r"correct the cell(?!:)|correct them", lambda a, m, s: None if "holds dates" in s else _edit(a, s, "1.5")),
     (r"empty the cell", lambda a, m, s: replace(_edit(a, s, "") or a, options=a.options | {"missing": "keep"})),
+    (r"leave --ts out", lambda a, m, s: _without(a, "Ts")),
+    (r"clock of \[\[input\]\] and of \[\[output\]\]", _own_clocks),
     (r"leave unit, wrap and period", lambda a, m, s: _without(a, "time_unit")),
     (r"rename one of them", lambda a, m, s: _renamed(a, s)),
     (r"write numbers alone", lambda a, m, s: _edit(a, s, re.match(r"[-\d.,]+", _place(s)[1])[0])),
