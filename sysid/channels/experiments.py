@@ -14,7 +14,7 @@ from sysid.base.rates import same_rate
 from sysid.channels.column import Column, column_of, numbers, parse_header, soft_numbers, words
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ChannelMap, Range
-from sysid.channels.repair import keep_rows
+from sysid.channels.repair import keep_rows, take_rows
 from sysid.channels.signals import Signals
 from sysid.channels.stamps import SHORTEST, is_hour, restarts, usual_step
 from sysid.data.table import Table
@@ -39,7 +39,7 @@ def column_of_experiments(columns: dict[str, Column]) -> Column | None:
     """The column that numbers experiments, by its name and whole numbers that stay for many rows and never return."""
     for column in columns.values():
         header, values = column.header.words, column.values
-        if not (header & (NAMES | UNSURE) and header <= NAMES | UNSURE | _NUMBER) or column.constant:
+        if not _may_number(header) or column.constant:
             continue
         if not np.isfinite(values).all() or not np.array_equal(values, np.rint(values)):
             continue
@@ -52,10 +52,36 @@ def column_of_experiments(columns: dict[str, Column]) -> Column | None:
     return None
 
 
+def in_blocks(table: Table, column: str = "") -> tuple[Table, str]:
+    """The table in which the rows of each experiment stand together, in their order, and a note; others as they are.
+
+    Two rigs that write one log take turns, so that their numbers stay for fewer rows than an experiment has; `column`
+    is that of the mapping, "" for one whose name says so.
+    """
+    likely = [name for name in table.names if name == column or (not column and _may_number(parse_header(name).words))]
+    for name in likely:
+        labels = _labels(table, name) or column_of(table, name)
+        x = labels.values
+        whole = len(x) and np.isfinite(x).all() and np.array_equal(x, np.rint(x)) and not labels.constant
+        numbers_of, counts = np.unique(x, return_counts=True) if whole else (x, np.zeros(1))
+        if not whole or counts.min() < SHORTEST or len(x) >= SHORTEST * (np.count_nonzero(np.diff(x)) + 1):
+            continue
+        if len({len(cells) for cells in table.columns}) > 1:
+            continue
+        note = f"the rows of {len(numbers_of)} experiments stand among each other: they were parted by column {name!r}"
+        return take_rows(table, np.argsort(x, kind="stable"), len(x)), note
+    return table, ""
+
+
+def _may_number(header: frozenset[str]) -> bool:
+    """Whether the words of a name say that the column numbers experiments."""
+    return bool(header & (NAMES | UNSURE)) and header <= NAMES | UNSURE | _NUMBER
+
+
 def labels_of(table: Table) -> dict[str, Column]:
     """The columns that name experiments in words, such as A, A, B, as numbers of these words."""
     headers = {name: parse_header(name).words for name in table.names}
-    likely = [name for name, words in headers.items() if words & (NAMES | UNSURE) and words <= NAMES | UNSURE | _NUMBER]
+    likely = [name for name, words in headers.items() if _may_number(words)]
     return {name: labels for name in likely if (labels := _labels(table, name)) is not None}
 
 

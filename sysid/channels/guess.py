@@ -30,7 +30,14 @@ from sysid.channels.column import (
 )
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import COUNTS, convert, is_time, seconds
-from sysid.channels.experiments import column_of_experiments, doubt_of_starts, labels_of, rows_text, starts_of_clock
+from sysid.channels.experiments import (
+    column_of_experiments,
+    doubt_of_starts,
+    in_blocks,
+    labels_of,
+    rows_text,
+    starts_of_clock,
+)
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
@@ -99,6 +106,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     """
     if not isinstance(table, Table):
         table = read_table(table)
+    table, turns = in_blocks(table)
     table = oldest_first(table)
     columns = numeric_columns(table)
     if not columns:
@@ -125,6 +133,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     else:
         choice = _guess_clock(table, columns if given.time is not None else timed, given)
     why, unclear, remarks = choice.why, choice.unclear, choice.remarks
+    why += [turns] if turns else []
     if table is ruled and note:
         why.append(note)
         unclear += [f"{note.partition(';')[0]}; leave --ts out, which does not say when each was"] if given.Ts else []
@@ -157,7 +166,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
     starts = {name: found for name in counters if name and len(found := starts_of_clock(table, name))}
     numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
-    if by_clock and len(starts[by_clock]) >= _count_of_changes(experiments):
+    if by_clock and not turns and len(starts[by_clock]) >= _count_of_changes(experiments):
         numbered, experiments = by_clock, None
         _tell_starts(table, by_clock, starts[by_clock], unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)

@@ -17,7 +17,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
 from sysid.channels.column import numbers
-from sysid.channels.experiments import SHORTEST, alone, cut, join, pieces_of
+from sysid.channels.experiments import SHORTEST, alone, cut, in_blocks, join, pieces_of
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
@@ -109,9 +109,11 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
-    table = oldest_first(table)
     mapping, guessed = complete(table, mapping)
+    table, turns = in_blocks(table, mapping.range.experiment) if mapping.range.experiment else (table, "")
+    table = oldest_first(table)
     notes, drive = (*notes, *guessed), mapping.range.drive
+    notes = (*notes, turns) if turns and turns not in notes else notes
     if drive and drive not in (channel.column for channel in mapping.other):
         other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
         mapping = mapping.model_copy(update={"other": other})
@@ -179,7 +181,10 @@ def _sample_pieces(table: Table, mapping: ChannelMap, pieces: list[tuple[int, in
         parts.append(_sample_part(cut(table, start, stop, n), alone(mapping), ()))
     left_out = sum(stop - start for start, stop in pieces) - sum(stop - start for start, stop in kept)
     if len(parts) == 1:
-        return replace(parts[0], notes=(*notes, f"used {spans[0]}, one experiment of the file", *parts[0].notes))
+        others = f"; {left_out} row(s) in stretches shorter than {SHORTEST} are left out" if left_out else ""
+        return replace(
+            parts[0], notes=(*notes, f"used {spans[0]}, one experiment of the file{others}", *parts[0].notes)
+        )
     record = join(parts, mapping, spans, left_out)
     return replace(record, notes=(*notes, *(note for note in record.notes if note not in notes)))
 

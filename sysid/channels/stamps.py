@@ -25,8 +25,10 @@ HOUR_TOLERANCE = 0.01  # of an hour and of a step: what is so near an hour off i
 MONTHS = (3, 4, 9, 10, 11)  # in which clocks are changed, north or south
 NIGHT = (-4.0, 5.0)  # [h] from the midnight between Saturday and Sunday
 SHORT = 20 * 60.0  # [s] below that an hour is a gap that is refused anyway, or a stamp that runs back
-SHORTEST = 10  # rows: a shorter stretch is a fault of single stamps
+SHORTEST = 10  # rows: a shorter stretch is no experiment to fit, and more is asked of it to be one at all
+FEWEST = 3  # rows of a stretch: fewer are a fault of single stamps
 GOES_ON = 3.0  # usual steps: what follows a restart steps by no more, where a single bad stamp jumps back
+EVENLY = 1.5  # usual steps: the same in a stretch of few rows
 AGAIN = 0.1  # of the rows of a stretch: how near its first stamp the clock starts again
 PLACES = 300  # between two stamps that are looked at
 IN_UTC = "write dates in UTC or with their offset"
@@ -194,10 +196,12 @@ def restarts(stamps: np.ndarray) -> np.ndarray:
         return np.zeros(0, dtype=int)
     step, first, starts = usual_step(values), values[0], [0]
     for k in falls.tolist():
-        following = np.diff(values[k : k + SHORTEST])
-        near = values[k] <= first + max(AGAIN * (k - starts[-1]), GOES_ON) * step
-        regular = len(following) == SHORTEST - 1 and following.min() >= 0 and following.max() <= GOES_ON * step
-        if near and regular and k - starts[-1] >= SHORTEST:
+        following = np.diff(values[k : k + SHORTEST])  # up to the end, or to where it falls again
+        following = following[: int(np.argmax(following < 0))] if np.any(following < 0) else following
+        before, few = k - starts[-1], min(k - starts[-1], len(following) + 1) < SHORTEST
+        near = values[k] <= first + (0.5 if few else max(AGAIN * before, GOES_ON)) * step
+        enough = before >= FEWEST and len(following) + 1 >= FEWEST
+        if near and enough and following.max() <= (EVENLY if few else GOES_ON) * step:
             starts.append(k)
     return places[np.array(starts[1:], dtype=int)]
 

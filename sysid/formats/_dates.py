@@ -214,10 +214,15 @@ def _since_first(seconds: np.ndarray, nanos: np.ndarray) -> np.ndarray:
 
 
 def _over_midnight(seconds: np.ndarray, nanos: np.ndarray) -> tuple[np.ndarray, int]:
-    """Times of day (n,) that go on after midnight, and how often it passed: a fall by more than half a day is one."""
+    """Times of day (n,) that go on after midnight, and how often it passed: a fall by more than half a day is one.
+
+    Where the newest stands first, most fall, and a rise by more than half a day is one.
+    """
     steps = np.diff(seconds) + np.diff(nanos) / 1e9
-    days = np.concatenate([[0], np.cumsum(steps < -0.5 * DAY)])
-    return seconds + DAY * days, int(days[-1])
+    newest_first = np.count_nonzero(steps < 0) > np.count_nonzero(steps > 0)
+    passed = -(steps > 0.5 * DAY).astype(int) if newest_first else (steps < -0.5 * DAY).astype(int)
+    days = np.concatenate([[0], np.cumsum(passed)])
+    return seconds + DAY * days, abs(int(days[-1]))
 
 
 _DATE = re.compile(
@@ -254,7 +259,7 @@ def with_days(text: Table, table: Table) -> Table:
     if any(np.allclose(t, time, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in readings):
         return table
     if not readings:
-        midnights = np.flatnonzero(np.diff(np.floor(_since_midnight(time, cells) / DAY)) > 0) + 1
+        midnights = np.flatnonzero(np.diff(np.floor(_since_midnight(time, cells) / DAY)) != 0) + 1
         if np.array_equal(changes, midnights):
             return table
     if len(readings) == 1:

@@ -30,7 +30,7 @@ def pivoted(table: Table) -> Table:
     names = [str(name).strip() for name in _texts(table.columns[keys])]
     distinct = list(dict.fromkeys(names))
     others = [j for j in range(len(table.names)) if j not in (keys, values, units)]
-    times = [j for j in others if _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) > 0)]
+    times = [j for j in others if _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) != 0)]
     if not 2 <= len(distinct) <= min(MOST, len(names) / REPEATED) or len(times) != 1 or "" in distinct:
         return table
     group = np.unique(names, return_inverse=True)[1]
