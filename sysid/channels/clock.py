@@ -13,6 +13,7 @@ from sysid.channels.column import Column, Header, unit_in_brackets, words
 from sysid.channels.conversion import ALONE, ANYWHERE, DIGITS, TIMES, UNSURE, convert, is_time, seconds, time_word
 from sysid.channels.mapping import Bits, Clock
 from sysid.data.table import Table
+from sysid.formats import entries_of
 
 CLOCK_WORDS = words(
     "t time timestamp timestamps stamp clock millis micros elapsed ms us ns seconds sec secs msec usec zeit"
@@ -210,8 +211,11 @@ def clock_distance(clock: Column, second_clock: Column) -> str:
 
 
 def stated_sampling_time(table: Table) -> float | None:
-    """The sampling time [s] in what the writer said of the record; None if there is none."""
-    value = table.meta.get("Ts")
+    """The sampling time [s] in what the writer said of the record, or of each of its experiments; None if there is
+    none, or not one.
+    """
+    of_parts = {value for _, value in entries_of(table.meta, "Ts")}
+    value = table.meta.get("Ts", of_parts.pop() if len(of_parts) == 1 else None)
     if not isinstance(value, int | float) or isinstance(value, bool):
         return None
     try:

@@ -18,11 +18,10 @@ from sysid.channels.repair import keep_rows, take_rows
 from sysid.channels.signals import Signals
 from sysid.channels.stamps import SHORTEST, is_hour, restarts, usual_step
 from sysid.data.table import Table
+from sysid.formats import EXPERIMENT_WORDS, RUN_WORDS
 
 # Limits chosen by hand; the logs of tests/corpus and of tests/contracts/test_experiments.py hold them.
 PERIODS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 1e9, *(2.0**k for k in range(8, 33)))  # of counters that wrap
-NAMES = words("episode trial experiment rep repetition session segment versuch")
-UNSURE = words("run test cycle")  # with two values, these may be switches
 _NUMBER = words("index idx id nr no num number count")
 SHOWN = 6  # restarts in a sentence
 
@@ -46,7 +45,7 @@ def column_of_experiments(columns: dict[str, Column]) -> Column | None:
         borders = np.flatnonzero(np.diff(values)) + 1
         numbers_in_turn = values[np.concatenate([[0], borders])]
         lengths = np.diff([0, *borders.tolist(), len(values)])
-        switch = not header & NAMES and set(numbers_in_turn.tolist()) == {0.0, 1.0}
+        switch = not header & EXPERIMENT_WORDS and set(numbers_in_turn.tolist()) == {0.0, 1.0}
         if len(set(numbers_in_turn.tolist())) == len(numbers_in_turn) and lengths.min() >= SHORTEST and not switch:
             return column
     return None
@@ -75,7 +74,7 @@ def in_blocks(table: Table, column: str = "") -> tuple[Table, str]:
 
 def _may_number(header: frozenset[str]) -> bool:
     """Whether the words of a name say that the column numbers experiments."""
-    return bool(header & (NAMES | UNSURE)) and header <= NAMES | UNSURE | _NUMBER
+    return bool(header & (EXPERIMENT_WORDS | RUN_WORDS)) and header <= EXPERIMENT_WORDS | RUN_WORDS | _NUMBER
 
 
 def labels_of(table: Table) -> dict[str, Column]:

@@ -127,6 +127,9 @@ class Channel(_Part):
     )
     times: Text = Field(default="", description="column that multiplies the number, such as the supply of a duty")
     clock: Text = Field(default="", description='column of this channel\'s own time stamps; "": those of [clock]')
+    every: Annotated[Whole, Field(ge=1)] = Field(
+        default=1, description="rows in which each value of an output stands, whose sensor is slower than the log"
+    )
     between: Literal["", "held", "line"] = Field(
         default="", description='between samples: "held" or "line"; "" is held for an input, a line for an output'
     )

@@ -18,6 +18,7 @@ from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
 from sysid.channels.column import numbers
 from sysid.channels.experiments import SHORTEST, alone, cut, in_blocks, join, pieces_of
+from sysid.channels.fresh import with_fresh_rows
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Range, Repair
@@ -119,10 +120,11 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         mapping = mapping.model_copy(update={"other": other})
     check_mapping(table, mapping)
     table, mapping, clock_notes = with_clocks(table, mapping)
+    table, mapping, held = with_fresh_rows(table, mapping)
     table, rate_notes = at_output(table, mapping)
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
-    notes = (*notes, *clock_notes, *rate_notes, *unit_notes, *([dates] if dates else []))
+    notes = (*notes, *clock_notes, *held, *rate_notes, *unit_notes, *([dates] if dates else []))
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
         return _sample_pieces(table, mapping, pieces, notes)

@@ -21,7 +21,7 @@ from sysid.formats._clock_parts import with_joined_clocks
 from sysid.formats._dates import read_dates, with_days
 from sysid.formats._format import Format
 from sysid.formats._long_table import pivoted
-from sysid.formats._stack import stacked
+from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS, entries_of, stacked
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -134,8 +134,10 @@ def write_table(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray],
 
 
 __all__ = [
+    "EXPERIMENT_WORDS",
     "FOREIGN",
     "FORMATS",
+    "RUN_WORDS",
     "TABLE",
     "WRITTEN",
     "Delimited",
@@ -152,6 +154,7 @@ __all__ = [
     "Ulog",
     "Wpilog",
     "check_written",
+    "entries_of",
     "read_header",
     "read_table",
     "unit_in",

@@ -1,6 +1,7 @@
 """Columns that stand once for each experiment, as test(1).u and test(2).u do, as one, and a column of their numbers."""
 
 import re
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,11 @@ import numpy as np
 from sysid.data.table import Table
 
 EXPERIMENT = "experiment"  # the column that numbers them
-NAMES = re.compile(r"(episode|trial|exp|experiment|rep|repetition|session|segment|versuch|run|test)s?", re.IGNORECASE)
+TIME = "time_s"  # of experiments whose sampling times differ
+# Words for experiments in the names of columns, structs and lists; the second may also be switches or counters.
+EXPERIMENT_WORDS = {"episode", "trial", "exp", "experiment", "rep", "repetition", "session", "segment", "versuch"}
+RUN_WORDS = {"run", "test", "cycle"}
+NAMES = re.compile(rf"({'|'.join(sorted(EXPERIMENT_WORDS | RUN_WORDS))})s?", re.IGNORECASE)
 FEWEST = 2  # columns of an experiment
 
 
@@ -37,6 +42,16 @@ def stacked(table: Table) -> Table:
     return _stack(table, groups, sizes) if said or (len(set(sizes)) > 1 and not table.clocks) else table
 
 
+def entries_of(meta: Mapping[str, Any], name: str) -> Iterator[tuple[str, Any]]:
+    """What the writer said under this name in parts of a file, such as test(1).Ts: the part, and the value."""
+    for key, value in meta.items():
+        part, _, last = key.rpartition(".")
+        if isinstance(value, Mapping):
+            yield from ((".".join(filter(None, (key, inner))), each) for inner, each in entries_of(value, name))
+        elif last == name and isinstance(value, int | float | str):
+            yield part, value
+
+
 def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) -> Table:
     fields = list(next(iter(groups.values())))
     places = {field: [group[field] for group in groups.values()] for field in fields}
@@ -44,6 +59,12 @@ def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) ->
     rows: list[Any] = [np.concatenate([np.asarray(table.rows[j]) for j in places[field]]) for field in fields]
     number = np.repeat(np.arange(1.0, len(sizes) + 1.0), sizes)
     names, shown = list(groups), f"{next(iter(groups))} to {list(groups)[-1]}"
+    stated = dict(entries_of(table.meta, "Ts"))
+    steps = [float(step) for group in groups if isinstance(step := stated.get(group), int | float) and step > 0]
+    if len(set(steps)) > 1 and len(steps) == len(groups):
+        time = [step * np.arange(n) for step, n in zip(steps, sizes, strict=True)]  # each has a clock of its own
+        fields, columns, rows = [*fields, TIME], [*columns, np.concatenate(time)], [*rows, rows[0]]
+        places[TIME] = places[fields[0]]
     units = {
         field: table.units[table.names[places[field][0]]]
         for field in fields

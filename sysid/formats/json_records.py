@@ -119,7 +119,8 @@ class _Columns:
             ]
         elif all(map(_is_experiment, entries)) and len(entries) < min(map(_length, entries)):
             for k, entry in enumerate(entries, start=1):
-                self._object(f"{prefix or 'experiment'}({k})", entry, {})
+                name = f"{prefix or 'experiment'}({k})"
+                self._object(name, entry, self.meta.setdefault(name, {}))
             return
         else:
             samples = [dict(_flat(prefix, entry or {})) for entry in entries]

@@ -100,11 +100,14 @@ def _add(arrays: Arrays, name: str, tree: Tree) -> None:
 
 
 def _add_struct_array(arrays: Arrays, name: str, entries: list[dict[str, Tree]]) -> None:
-    """A list of structs: fields of single numbers are columns, as in a list of samples."""
+    """A list of structs: fields of single numbers are columns, as in a list of samples; beside vectors, `meta`."""
     fields = list(entries[0]) if entries else []
+    are_records = any(isinstance(value, np.ndarray) and value.size > 1 for entry in entries for value in entry.values())
     for field in fields:
         values = [entry[field] for entry in entries]
-        if all(isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "biuf" for value in values):
+        if not are_records and all(
+            isinstance(value, np.ndarray) and value.size == 1 and value.dtype.kind in "biuf" for value in values
+        ):
             arrays.add(f"{name}.{field}", np.array([value.ravel()[0] for value in values], dtype=float))
         else:
             for k, value in enumerate(values, start=1):
