@@ -52,10 +52,10 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
         if clock.column and clock.column in columns:
             raise InputError(f"{table.path}: {entry} is the clock {brief(clock.column)!r}; name another column")
     dated = clock.column in table.dates or clock.column in table.timed
-    if dated and (clock.turn or seconds(clock.unit) != 1.0):
+    if dated and (clock.period or seconds(clock.unit) != 1.0):
         raise InputError(
             f"{table.path}: column {brief(clock.column)!r} holds dates or times of day, which become seconds; leave "
-            "unit, wrap and period of the clock out"
+            "unit and period of the clock out"
         )
     if not clock.column and clock.Ts is None and not any(channel.clock for channel in mapping.output):
         raise InputError(

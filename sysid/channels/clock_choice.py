@@ -49,7 +49,7 @@ class ClockChoice:
         bits = counter_bits(column)
         if bits:
             self.why.append(f"the clock is a counter of {bits} bits: it falls by almost 2^{bits}")
-        self.clock = Clock(column=column.name, unit=reading.unit or "s", wrap=bits)
+        self.clock = Clock(column=column.name, unit=reading.unit or "s", period=2.0**bits if bits else None)
 
 
 def choose_clock(columns: Columns) -> ClockChoice:
@@ -88,7 +88,8 @@ def clock_of_column(column: Column, unit: str | None = None) -> ClockChoice:
     if unit is not None:
         if sentence := "" if column.dated or column.timed else digits_of_a_day(column.name):
             raise InputError(sentence)
-        choice.clock = Clock(column=column.name, unit=unit, wrap=counter_bits(column))
+        bits = counter_bits(column)
+        choice.clock = Clock(column=column.name, unit=unit, period=2.0**bits if bits else None)
         header_unit = column.header.unit or unit_in_brackets(column.name)
         if is_time(header_unit) and convert(header_unit).factor != convert(unit).factor:
             choice.why.append(

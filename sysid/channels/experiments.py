@@ -101,7 +101,7 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     starts: set[int] = set()
     if part.experiment:
         starts |= set(_starts_of(table, part.experiment).tolist())
-    if clock.column and not clock.turn:
+    if clock.column and not clock.period:
         found = starts_of_clock(table, clock.column)
         if len(found) and not part.experiment and (doubt := doubt_of_starts(table, clock.column, found)):
             raise table.error(clock.column, int(found[0]), doubt)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sysid.base.errors import InputError
 from sysid.channels.column import soft_numbers
 from sysid.channels.mapping import ChannelMap, Clock
 from sysid.data.table import Table
@@ -21,8 +22,8 @@ def held_notes(table: Table, mapping: ChannelMap) -> tuple[str, ...]:
         k, at, changes = rows_of_each(soft_numbers(table, channel.column))
         if k > 1 and channel.every == 1:
             notes.append(
-                f"column {channel.column!r}: each value is written in {k} rows, since {at} of its {changes} changes are "
-                f"in every {k}th row: the sensor is slower than the log, and a fit takes the repeats for the plant's; "
+                f"column {channel.column!r}: each value is written in {k} rows, as {at} of its {changes} changes lie "
+                f"in every {k}th: the sensor is slower than the log, and a fit takes the repeats for the plant's; "
                 f"set every = {k} in [[output]] of a mapping, which reads each value once"
             )
     return tuple(notes)
@@ -42,8 +43,14 @@ def rows_of_each(values: np.ndarray) -> tuple[int, int, int]:
 def with_fresh_rows(table: Table, mapping: ChannelMap) -> tuple[Table, ChannelMap, tuple[str, ...]]:
     """The table without the repeats of outputs that stand in `every` so many rows, the mapping and notes.
 
-    The rows get a clock where the sampling time alone says when they were.
+    The rows get a clock where the sampling time alone says when they were. Raises InputError for another role.
     """
+    for role, channel, entry in mapping.channels():
+        if channel.every > 1 and role != "output":
+            raise InputError(
+                f"{table.path}: every of [[{entry}]] is {channel.every}, and it is of outputs alone, since inputs are "
+                "held; leave it out"
+            )
     slow = {channel.column: channel.every for channel in mapping.output if channel.every > 1}
     if not slow:
         return table, mapping, held_notes(table, mapping)

@@ -48,9 +48,8 @@ class Clock(_Part):
 
     column: Text = Field(default="", description='column of the time stamps; "" if there is none, then Ts is needed')
     unit: Text = Field(default="s", description="unit of the stamps: s, ms, us, ns, min, h, day")
-    wrap: Bits = Field(default=0, description="bits after which the counter starts again at 0: 8, 16, 24, 32; 0: never")
     period: Annotated[Number, Field(gt=0)] | None = Field(
-        default=None, description="[unit] after which a counter starts again that is no power of 2, such as 1000"
+        default=None, description="[unit] after which a counter starts again, such as 65536 of 16 bits; left out: never"
     )
     Ts: Annotated[float, Field(strict=True, allow_inf_nan=False, ge=SHORTEST, le=SECONDS)] | None = Field(
         default=None, description="[s] sampling time of the record; left out: that of the stamps"
@@ -62,17 +61,23 @@ class Clock(_Part):
             seconds(self.unit)
         except InputError as error:
             raise MappingError(("unit",), f"unit {error}") from None
-        for name, value in (("wrap", self.wrap), ("period", self.period)):
-            if not self.column and value:
-                raise InputError(f"{name} is {value:g} and there is no column; name the column of the stamps")
-        if self.wrap and self.period:
-            raise InputError(f"wrap is {self.wrap} and period is {self.period:g}; give one of the two")
+        if not self.column and self.period:
+            raise InputError(f"period is {self.period:g} and there is no column; name the column of the stamps")
         return self
 
-    @property
-    def turn(self) -> float:
-        """What the counter has counted [unit] when it starts again; 0: it never does."""
-        return 2.0**self.wrap if self.wrap else self.period or 0.0
+    @model_validator(mode="before")
+    @classmethod
+    def _has_old_name(cls, values: Any) -> Any:
+        """Maps that were written before have wrap = 0, which says nothing."""
+        bits = values.get("wrap") if isinstance(values, dict) else None
+        if bits == 0 and not isinstance(bits, bool):
+            return {name: value for name, value in values.items() if name != "wrap"}
+        if bits is not None:
+            now = f"period = {2**bits}" if isinstance(bits, int) and 0 < bits <= 32 else "period, or leave it out"
+            raise MappingError(
+                ("wrap",), f"wrap is now period, what a counter counts until it starts again; write {now}"
+            )
+        return values
 
 
 class Adc(_Part):

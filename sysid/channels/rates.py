@@ -170,7 +170,7 @@ def _times(table: Table, mapping: ChannelMap, clock: str, filled: np.ndarray) ->
     again for another signal alone, written below the output, is one experiment.
     """
     n = len(filled)
-    if not clock or mapping.clock.turn or table.length(clock) != n:
+    if not clock or mapping.clock.period or table.length(clock) != n:
         return np.arange(n, dtype=float), np.inf
     t = _seconds(table, mapping, clock)
     part = np.zeros(n, dtype=int)

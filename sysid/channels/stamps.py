@@ -115,7 +115,7 @@ def values_at(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def unwrap_counter(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, Correction]:
     """The counter as it would be without its wraps: a drop by more than half of the range is one."""
-    period = clock.turn
+    period = clock.period
     if not period:
         return values, Correction({}, "")
     outside = ~within_counter(values, period)
@@ -124,18 +124,14 @@ def unwrap_counter(table: Table, clock: Clock, values: np.ndarray, rows: np.ndar
         raise table.error(
             clock.column,
             int(rows[k]),
-            f"found {values[k]:.10g} in a counter of {clock.wrap} bits; set wrap of [clock] in the mapping to the bits "
-            "of the counter, or to 0 if it never starts again"
-            if clock.wrap
-            else f"found {values[k]:.10g} in a counter that starts again after {period:g}; set period of [clock] in "
-            "the mapping to what it counts, or leave it out if it never starts again",
+            f"found {values[k]:.10g} in a counter that starts again after {period:.10g}; set period of [clock] in the "
+            "mapping to what it counts, or leave it out if it never starts again",
         )
     falls = np.diff(values) < -0.5 * period
     values = values + period * np.concatenate([[0.0], np.cumsum(falls)])
     count = int(falls.sum())
     times = "once" if count == 1 else f"{count} times"
-    kind = f"of {clock.wrap} bits" if clock.wrap else f"that counts to {period:g}"
-    words = f"the clock {kind} started again {times}; undone"
+    words = f"the clock that counts to {period:.10g} started again {times}; undone"
     return values, Correction({"wraps": count}, words, rows[1:][falls])
 
 
@@ -218,11 +214,15 @@ def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.n
     origin = 0.0 if values[0] == 0 or abs(values[0]) * factor < 1e6 else values[0]
     stamp, previous = (values[k] - origin) * factor, (values[k - 1] - origin) * factor
     note = note_on_change_of_clocks(table, clock, stamp - previous, usual_step(values) * factor)
+    remedy = (
+        "or give the sampling time with --ts if the rows are uniform"
+        if note  # the rows are all good
+        else 'remove the row, or set backward = "drop" in [repair] of a mapping, or period in [clock] if a counter wraps'
+    )
     raise table.error(
         clock.column,
         int(rows[k]),
-        f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase: remove the "
-        'row, or set backward = "drop" in [repair] of a mapping, or wrap in [clock] if a counter starts again',
+        f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase{', ' if note else ': '}{remedy}",
     )
 
 

@@ -100,9 +100,10 @@ def _add(arrays: Arrays, name: str, tree: Tree) -> None:
 
 
 def _add_struct_array(arrays: Arrays, name: str, entries: list[dict[str, Tree]]) -> None:
-    """A list of structs: fields of single numbers are columns, as in a list of samples; beside vectors, `meta`."""
+    """A list of structs: fields of single numbers are columns, as in a list of samples; beside vectors, meta."""
     fields = list(entries[0]) if entries else []
-    are_records = any(isinstance(value, np.ndarray) and value.size > 1 for entry in entries for value in entry.values())
+    vectors = [sum(isinstance(value, np.ndarray) and value.size > 1 for value in entry.values()) for entry in entries]
+    are_records = bool(entries) and min(vectors) > 1
     for field in fields:
         values = [entry[field] for entry in entries]
         if not are_records and all(

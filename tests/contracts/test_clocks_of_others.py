@@ -84,8 +84,8 @@ def test_numbers_that_no_counter_shows_are_refused_with_the_entry_to_set(first, 
     path = table(tmp_path / "rig.csv", 10 * K + first, "millis")
     mapping = tmp_path / "m.toml"
     channels = 'input = [{column = "u"}]\noutput = [{column = "y"}]'
-    mapping.write_text(f'clock = {{column = "millis", unit = "ms", wrap = 16}}\n{channels}')
-    with pytest.raises(InputError, match=r"in a counter of 16 bits; set wrap of .clock. .* or to 0 if it never starts"):
+    mapping.write_text(f'clock = {{column = "millis", unit = "ms", period = 65536}}\n{channels}')
+    with pytest.raises(InputError, match=r"starts again after 65536; set period of .clock. .* out if it never"):
         sysid.read(path, map=mapping)
 
 

@@ -94,8 +94,9 @@ LOGS: dict[str, Log] = {
     "times of day over midnight": log(
         HEAD + stamped([f"23:59:{59 + k / 10:04.1f}" if k < 10 else f"00:00:0{(k - 10) / 10}" for k in range(12)])
     ),
+    "times of day that start again": log(HEAD + stamped([f"12:00:0{t}" for t in [*TENTHS[:6], *TENTHS[:6]]])),
     "times of day that run back": log(
-        HEAD + stamped([f"12:00:0{t}" for t in [*TENTHS[:6], *TENTHS[:6]]]), refused("row 8", "time must increase")
+        HEAD + stamped([f"12:00:0{t}" for t in [*TENTHS[:8], *TENTHS[3:7]]]), refused("row 10", "time must increase")
     ),
     "spans longer than a day": log(HEAD + stamped([f"{24 - (t < '0.5')}:59:0{t}" for t in TENTHS]), refused("3600 s")),
     "times of day with milliseconds behind a colon": log(

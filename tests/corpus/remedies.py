@@ -178,7 +178,7 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"empty the cell", lambda a, m, s: replace(_edit(a, s, "") or a, options=a.options | {"missing": "keep"})),
     (r"leave --ts out", lambda a, m, s: _without(a, "Ts")),
     (r"clock of \[\[input\]\] and of \[\[output\]\]", _own_clocks),
-    (r"leave unit, wrap and period", lambda a, m, s: _without(a, "time_unit")),
+    (r"leave unit and period", lambda a, m, s: _without(a, "time_unit")),
     (r"rename one of them", lambda a, m, s: _renamed(a, s)),
     (r"write numbers alone", lambda a, m, s: _edit(a, s, re.match(r"[-\d.,]+", _place(s)[1])[0])),
     (r"unknown column '([^']+)'; choose one of", _known),

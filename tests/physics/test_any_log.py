@@ -28,7 +28,7 @@ def rig(path: Path, log: twin.Log, lost: tuple[int, ...] = ()) -> Path:
 
 
 MAP = ChannelMap(
-    clock=Clock(column="millis", unit="ms", wrap=16),
+    clock=Clock(column="millis", unit="ms", period=65536),
     input=(Channel(column="pwm", scale=12 / 255, unit="V"),),
     output=(Channel(column="adc", unit="rad", adc=Adc(bits=10, value=(-2.356, 2.356))),),
 )
@@ -43,7 +43,7 @@ def test_a_capture_of_counts_is_the_log_to_the_last_digit(tmp_path):
     assert np.abs(back.u - log.u)[kept].max() <= 0.5 * 12 / 255 + 1e-12
     assert back.meta["filled"] == [50, 120, 121]
     assert back.meta["repairs"] == {"wraps": 1, "lost": 3, "filled samples": 3}
-    assert back.meta["channels"]["clock"] == {"column": "millis", "unit": "ms", "wrap": 16}
+    assert back.meta["channels"]["clock"] == {"column": "millis", "unit": "ms", "period": 65536.0}
     data = back.io()
     assert np.flatnonzero(data.missing[:, 0]).tolist() == [50, 120, 121]
     again = twin.Log.load(back.save(tmp_path / "again.csv"))

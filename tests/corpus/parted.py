@@ -1,0 +1,90 @@
+"""Experiments whose rows take turns, restarts after few rows, sampling times of parts, newest rows first."""
+
+import json
+
+import numpy as np
+
+from corpus._log import ROWS, TS, Log, Right, T, U, Y, log
+from corpus.binaries import mat
+
+TWICE = Right(U + U, Y + Y)
+PARTS = [{"Ts": TS, "u": list(U), "y": list(Y)}] * 2
+TURNS = [f"{name},{row}" for row in ROWS.split() for name in (1, 2)]
+LONG = [f"{t:.1f},{key},{x:g}" for t, u, y in zip(T, U, Y, strict=True) for key, x in (("u", u), ("y", y))]
+
+
+def lines(head: str, rows: list[str]) -> str:
+    """A text table."""
+    return "\n".join([head, *rows, ""])
+
+
+def structs(**more: float) -> bytes:
+    """A struct array of two experiments, each with its sampling time."""
+    array = np.zeros(2, dtype=[(name, object) for name in ("Ts", "u", "y")])
+    for k in range(2):
+        array[k] = (TS, np.array(U), np.array(Y))
+    return mat(test=array, **more)
+
+
+OVER_MIDNIGHT = [f"23:59:{59.5 + t:04.1f}" if t < 0.5 else f"00:00:{t - 0.5:04.1f}" for t in T]
+
+LOGS: dict[str, Log] = {
+    "runs that take turns": log(lines("run,t,u,y", TURNS), TWICE),
+    "trials that take turns, a name for each": log(
+        lines(
+            "trial,t,u,y", [row.replace("1,", "A,", 1) if k % 2 == 0 else f"B{row[1:]}" for k, row in enumerate(TURNS)]
+        ),
+        TWICE,
+    ),
+    "runs that take turns, each with a clock of its own": log(
+        lines(
+            "t,run,u,y", [f"{t + 50 * k:.1f},{k},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True) for k in (1, 2)]
+        ),
+        TWICE,
+    ),
+    "runs that take turns, the sampling time given": log(lines("run,t,u,y", TURNS), TWICE, Ts=TS),
+    "runs that take turns, newest first": log(lines("run,t,u,y", TURNS[::-1]), TWICE),
+    "a restart after four rows": log(lines("t,u,y", ROWS.split()[:4] + ROWS.split())),
+    "a restart after four rows, the sampling time given": log(lines("t,u,y", ROWS.split()[:4] + ROWS.split()), Ts=TS),
+    "a restart before the last five rows, the sampling time given": log(
+        lines("t,u,y", ROWS.split() + ROWS.split()[:5]), Ts=TS
+    ),
+    "two restarts after few rows, the sampling time given": log(
+        lines("t,u,y", ROWS.split()[:5] + ROWS.split()[:7] + ROWS.split()), Ts=TS
+    ),
+    "tests with their sampling time": log(json.dumps(PARTS), TWICE, file="a.json"),
+    "tests with their sampling time within an object": log(
+        json.dumps({"rig": "A", "tests": PARTS}), TWICE, file="a.json"
+    ),
+    "tests with their sampling time, one a line": log("\n".join(map(json.dumps, PARTS)), TWICE, file="a.jsonl"),
+    "structs with their sampling time": log(structs(), TWICE, file="a.mat"),
+    "one struct with its sampling time": log(mat(data={"Ts": TS, "u": U, "y": Y}), file="a.mat"),
+    "long table, newest first": log(lines("time,key,value", LONG[::-1])),
+    "long table, newest first, names in order": log(
+        lines("time,key,value", [LONG[2 * k + j] for k in range(11, -1, -1) for j in (0, 1)])
+    ),
+    "long table of dates, newest first": log(
+        lines("_time,_field,_value", [f"2026-03-01T12:00:0{row.replace(',', 'Z,', 1)}" for row in LONG[::-1]])
+    ),
+    "times of day over midnight, newest first": log(
+        lines("time,u,y", [f"{t},{u:g},{y:g}" for t, u, y in zip(OVER_MIDNIGHT, U, Y, strict=True)][::-1])
+    ),
+    "times of day over midnight beside the date, newest first": log(
+        lines(
+            "date,time,u,y",
+            [
+                f"2026-03-{1 + t.startswith('00'):02d},{t},{u:g},{y:g}"
+                for t, u, y in zip(OVER_MIDNIGHT, U, Y, strict=True)
+            ][::-1],
+        )
+    ),
+    "times of day with PM and AM over midnight, newest first": log(
+        lines(
+            "time,u,y",
+            [
+                f"{t.replace('23:', '11:').replace('00:', '12:', 1)} {'PM' if t.startswith('23') else 'AM'},{u:g},{y:g}"
+                for t, u, y in zip(OVER_MIDNIGHT, U, Y, strict=True)
+            ][::-1],
+        )
+    ),
+}
