@@ -12,6 +12,7 @@ from sysid.data.table import Table
 # By chance a change lies in one of k rows with probability 1/k: m of them do so with k^(1 - m).
 UNLIKELY = 1e-9
 FAULTS = 0.05  # part of the changes that may lie elsewhere, as where a row was lost
+LOOK = 1 << 14  # rows
 ROWS = "rows"  # a clock of the rows, where the sampling time alone says when they were
 
 
@@ -31,9 +32,10 @@ def held_notes(table: Table, mapping: ChannelMap) -> tuple[str, ...]:
 
 def rows_of_each(values: np.ndarray) -> tuple[int, int, int]:
     """In how many rows each of the values (n,) stands, 1 where they do not repeat so; the changes in step, and all."""
-    changes = np.flatnonzero(np.diff(values) != 0) + 1 if np.isfinite(values).all() else np.zeros(0, dtype=int)
+    beginning = rows_of_each(values[:LOOK]) if len(values) > LOOK else (2, 0, 0)  # a long record is looked at briefly
+    changes = np.flatnonzero(np.diff(values) != 0) + 1 if beginning[0] > 1 else np.zeros(0, dtype=int)
     k = int(np.median(np.diff(changes))) if len(changes) > 1 else 1
-    if k < 2:
+    if k < 2 or not np.isfinite(values).all():
         return 1, 0, len(changes)
     at = int(np.bincount(changes % k).max())
     likely = at >= (1.0 - FAULTS) * len(changes) and (at - 1) * np.log(k) >= -np.log(UNLIKELY)

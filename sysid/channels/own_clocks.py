@@ -24,6 +24,7 @@ from sysid.channels.roles import INPUT, OUTPUT, REFERENCE, WEAK_INPUT, WEAK_OUTP
 from sysid.data.table import Table
 
 SPAN = 0.1  # of the longer of two spans, by which columns without a name may begin and end apart and be clocks still
+SHOWN = 6  # signals in a sentence
 STEM_NOT = CLOCK_WORDS | set(TIMES) | words("header stamps times x axis")
 ROLE_WORDS = {"input": INPUT | REFERENCE | WEAK_INPUT, "output": OUTPUT | WEAK_OUTPUT}
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]+")
@@ -45,7 +46,8 @@ def with_own_clocks(table: Table) -> tuple[Table, str]:
     used = {name: clocks[name] for name, _ in found.values()}
     if len(used) < 2 or not _belong_to_signals(used, {reason for _, reason in found.values()}, nameless):
         return table, ""
-    how = ", ".join(f"{clock!r} is the clock of {name!r} ({reason})" for name, (clock, reason) in found.items())
+    how = ", ".join(f"{clock!r} is the clock of {name!r} ({why})" for name, (clock, why) in list(found.items())[:SHOWN])
+    how += f" and {len(found) - SHOWN} more" if len(found) > SHOWN else ""
     note = f"signals have clocks of their own: {how}; if not so, set clock of [[input]] and [[output]] in a mapping"
     return replace(table, clocks={name: clock for name, (clock, _) in found.items()}), note
 

@@ -214,15 +214,15 @@ def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.n
     origin = 0.0 if values[0] == 0 or abs(values[0]) * factor < 1e6 else values[0]
     stamp, previous = (values[k] - origin) * factor, (values[k - 1] - origin) * factor
     note = note_on_change_of_clocks(table, clock, stamp - previous, usual_step(values) * factor)
-    remedy = (
-        "or give the sampling time with --ts if the rows are uniform"
-        if note  # the rows are all good
-        else 'remove the row, or set backward = "drop" in [repair] of a mapping, or period in [clock] if a counter wraps'
-    )
+    remedy = ", or give the sampling time with --ts if the rows are uniform"  # all rows are good
+    if not note:
+        remedy = (
+            ': remove the row, or set backward = "drop" in [repair] of a mapping, or period in [clock] of a counter'
+        )
     raise table.error(
         clock.column,
         int(rows[k]),
-        f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase{', ' if note else ': '}{remedy}",
+        f"found {stamp:.9g} s after {previous:.9g} s ({len(falls)} such step(s)){note}; time must increase{remedy}",
     )
 
 

@@ -113,12 +113,14 @@ class _NotReadError(ValueError):
 
 
 def read_dates(table: Table) -> Table:
-    """The table with seconds since the first cell in place of dates and times of day.
+    """The table with seconds since the first cell in place of dates and times of day; of several such columns of one
+    kind, which may be clocks of their own, since the first cell of the first.
 
     `dates` says how a column was read; `undated` why one that looks like dates was not: it stays as it is.
     """
     columns, units = list(table.columns), dict(table.units)
     dates, undated, local = {}, {}, dict(table.local)
+    origins: dict[str, Origin] = {}
     for j, name in enumerate(table.names):
         cells = table.columns[j]
         if not len(cells) or not isinstance(cells[0], str):
@@ -127,7 +129,12 @@ def read_dates(table: Table) -> Table:
         if not LIKE.fullmatch(first):
             continue
         try:
-            columns[j], dates[name], begins = _read_column(table, j, first)
+            t, dates[name], begins, origin = _read_column(table, j, first)
+            earlier = next((each for each in origins if origins[each].kind == origin.kind), "")
+            if earlier and (shift := origin.since(origins[earlier])):
+                t, begins = t + shift, None if begins is None else begins - shift
+                dates[name] += f", counted from the first of {earlier!r}"
+            columns[j], origins[name] = t, origin
             local |= {name: begins} if begins is not None else {}
             units[name] = "s"
         except _NotReadError as error:
@@ -137,11 +144,26 @@ def read_dates(table: Table) -> Table:
     return replace(table, columns=tuple(columns), units=units, dates=dates, undated=undated, local=local)
 
 
-def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | None]:
+@dataclass(frozen=True)
+class Origin:
+    """The first cell of a column: seconds and nanoseconds since 1970, or since midnight where `kind` is "time"."""
+
+    kind: str
+    seconds: int
+    nanos: int
+
+    def since(self, other: "Origin") -> float:
+        """Seconds since another origin; times of day are within half a day of each other."""
+        whole = self.seconds - other.seconds
+        whole -= DAY * round(whole / DAY) if self.kind == "time" else 0
+        return whole + (self.nanos - other.nanos) / 1e9
+
+
+def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, float | None, Origin]:
     """Seconds (n,) since the `first` cell that is not empty, nan for empty ones, and how they were read.
 
     Then the seconds since 1970 of that cell in local time: nan for a time of day, and for a date with two readings;
-    None for times in UTC, and for spans of time.
+    None for times in UTC, and for spans of time. At last its origin.
     """
     places, cells, is_time = _parse_column(table, j, first)
     zoned, orders = cells.zoned, list(cells.seconds)
@@ -163,10 +185,12 @@ def _read_column(table: Table, j: int, first: str) -> tuple[np.ndarray, str, flo
         values = t
     column = np.full(len(table.columns[j]), np.nan)
     column[places] = values
-    if zoned.any() or is_span:
-        return column, sentence, None
+    kind = "span" if is_span else "time" if is_time else "zoned" if zoned.any() else "local"
+    origin = Origin(kind, int(cells.seconds[orders[0]][0]), int(cells.nanos[0]))
+    if kind in ("zoned", "span"):
+        return column, sentence, None, origin
     sure = not is_time and len(orders) == 1
-    return column, sentence, float(cells.seconds[orders[0]][0] + cells.nanos[0] / 1e9) if sure else np.nan
+    return column, sentence, float(origin.seconds + origin.nanos / 1e9) if sure else np.nan, origin
 
 
 def _parse_column(table: Table, j: int, first: str) -> tuple[np.ndarray, Cells, bool]:

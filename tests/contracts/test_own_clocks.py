@@ -1,6 +1,7 @@
 """Signals with clocks of their own in plain tables: a plant that is known in continuous time comes back from each."""
 
 import json
+from datetime import datetime, timedelta
 from itertools import zip_longest
 from pathlib import Path
 
@@ -134,6 +135,18 @@ def test_a_clock_that_does_not_fit_its_channel_is_refused_with_one_that_does(tmp
         read_signals(path, both)
     with pytest.raises(InputError, match=r"unknown column 't_q' \(input.clock of the mapping\)"):
         read_signals(path, ChannelMap(input=(Channel(column="u", clock="t_q"),), output=(Channel(column="y"),)))
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%dT%H:%M:%S.%f", "%Y-%m-%dT%H:%M:%S.%fZ", "%H:%M:%S.%f"])
+@pytest.mark.parametrize("start", ["2026-03-01T12:00:00", "2026-03-01T23:59:59.999"])
+def test_dates_and_times_of_day_are_counted_from_one_origin(form, start, tmp_path):
+    t_u, u, t_y, y = recorded(*RATES["slow input"])
+    first = datetime.fromisoformat(start)
+    cells = [[(first + timedelta(seconds=float(each))).strftime(form) for each in t] for t in (t_u, t_y)]
+    columns = (cells[0], [f"{x:.12g}" for x in u], cells[1], [f"{x:.12g}" for x in y])
+    rows = (",".join(row) for row in zip_longest(*columns, fillvalue=""))
+    (tmp_path / "a.csv").write_text("\n".join(["t_u,u,t_y,y", *rows]) + "\n")
+    check(read_signals(tmp_path / "a.csv"), (t_u, u, t_y, y), RATES["slow input"][1])
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".json", ".npz"])
