@@ -392,7 +392,6 @@ VERBS = {
     "export": ["model.json", "--c", "--python"],
     "identify": ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
     "info": ["--joint", "thigh"],
-    "models": ["model.json", "model.json", "log.csv", "--ts", "0.1"],
     "reproduce": ["--duration", "60"],
     "run": ["model.json", "log.csv", "--ts", "0.1", "--horizon", "2"],
     "simulate": ["--duration", "5"],

@@ -1,4 +1,4 @@
-"""The pages of `qpal run` and `qpal models`: one or several saved models beside a new record."""
+"""The pages of `qpal run`: one or several saved models beside a new record."""
 
 from dataclasses import replace
 

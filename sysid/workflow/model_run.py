@@ -244,7 +244,7 @@ class Models:
         return None if least.model.fit.criteria.d >= self.best.model.fit.criteria.d else least
 
     def as_dict(self) -> dict[str, Any]:
-        """The summary of `qpal models`, ready for JSON."""
+        """The summary of several models, ready for JSON."""
         return {
             "read": self.record.as_dict(),
             "best": self.best.model.name,

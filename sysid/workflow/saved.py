@@ -140,7 +140,7 @@ def load_models(paths: list[str]) -> list[Saved]:
     return [Saved(Path(path), load(path), name) for path, name in zip(paths, names, strict=True)]
 
 
-def check_order(verb: str, models: list[str], record: str) -> None:
+def check_order(models: list[str], record: str) -> None:
     """Raises InputError, with the command as it is meant, where a log stands among the models and a model last."""
     paths = [*models, record]
     logs = [path for path in paths if Path(path).suffix.lower() in TABLE and Path(path).suffix.lower() != ".json"]
@@ -153,7 +153,7 @@ def check_order(verb: str, models: list[str], record: str) -> None:
     ):
         raise InputError(
             f"{logs[0]} is a log by its suffix, and the log stands last, after the models: "
-            f"{shlex.join(['qpal', verb, *models_first, logs[0]])}"
+            f"{shlex.join(['qpal', 'run', *models_first, logs[0]])}"
         )
 
 

@@ -106,7 +106,7 @@ def test_completion_prints_a_script_of_the_shell_that_is_named(shell, word, caps
 
 def test_completion_names_verbs_and_options(monkeypatch, capsys):
     monkeypatch.setenv("_QPAL_COMPLETE", "complete_bash")
-    for words, found in (("qpal mo", {"models"}), ("qpal run --hor", {"--horizon"})):
+    for words, found in (("qpal ide", {"identify"}), ("qpal run --hor", {"--horizon"})):
         monkeypatch.setenv("COMP_WORDS", words)
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
         assert main([]) == 0

@@ -1,4 +1,4 @@
-"""`qpal models`: several saved models on one record."""
+"""`qpal run` with several models: several saved models on one record."""
 
 import json
 from dataclasses import replace
@@ -44,7 +44,7 @@ def folder(tmp_path_factory):
 def test_the_table_ranks_the_free_runs_on_the_raw_record(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     names = ["linear", "clipped", "larger"]
-    command = ["models", *(f"{name}.json" for name in names), "new.csv", "--ts", "0.1", "--out", "made"]
+    command = ["run", *(f"{name}.json" for name in names), "new.csv", "--ts", "0.1", "--out", "made"]
     assert main([*command, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     data = record(seed=1)
@@ -66,7 +66,7 @@ def test_the_table_ranks_the_free_runs_on_the_raw_record(folder, monkeypatch, ca
 def test_the_best_is_marked_and_a_smaller_one_as_good_is_named(folder, monkeypatch, capsys):
     monkeypatch.chdir(folder)
     files = ["linear.json", "larger.json", "clipped.json"]
-    assert main(["models", *files, "new.csv", "--ts", "0.1", "--out", "told"]) == 0
+    assert main(["run", *files, "new.csv", "--ts", "0.1", "--out", "told"]) == 0
     said = capsys.readouterr().out
     best = json.loads((folder / "told" / "summary.json").read_text())["best"]
     marked = [line for line in said.splitlines() if line.strip().startswith("best ")]
@@ -81,7 +81,7 @@ def test_models_of_another_sampling_time_are_told_what_to_do(folder, monkeypatch
     monkeypatch.chdir(folder)
     slow = tmp_path / "slow.json"
     sysid.fit(sysid.structures.output_error(1, 1, 1), deviations(Ts=0.2), starts=1).save(slow)
-    command = ["models", "clipped.json", str(slow), "new.csv", "--ts", "0.1", "--out", "two"]
+    command = ["run", "clipped.json", str(slow), "new.csv", "--ts", "0.1", "--out", "two"]
     assert main(command) == 2
     said = capsys.readouterr().err
     assert "slow.json" in said
@@ -98,7 +98,7 @@ def test_models_of_one_name_keep_their_folders(folder, monkeypatch, capsys):
     for name in ("a", "b"):
         (folder / name).mkdir(exist_ok=True)
         (folder / name / "model.json").write_text((folder / "linear.json").read_text())
-    assert main(["models", "a/model.json", "b/model.json", "new.csv", "--ts", "0.1", "--out", "same", "--json"]) == 0
+    assert main(["run", "a/model.json", "b/model.json", "new.csv", "--ts", "0.1", "--out", "same", "--json"]) == 0
     assert {row["name"] for row in json.loads(capsys.readouterr().out)["models"]} == {"a/model", "b/model"}
 
 
@@ -108,7 +108,7 @@ def test_where_no_model_follows_none_is_called_best(folder, monkeypatch, capsys,
     other = record(seed=1)
     lines = [f"{a!r},{b!r}" for a, b in zip(other.u[:, 0].tolist(), (600.0 - other.y[:, 0]).tolist(), strict=True)]
     (tmp_path / "turned.csv").write_text("u,y\n" + "\n".join(lines) + "\n")
-    command = ["models", "linear.json", "clipped.json", str(tmp_path / "turned.csv"), "--ts", "0.1", "--out", "turned"]
+    command = ["run", "linear.json", "clipped.json", str(tmp_path / "turned.csv"), "--ts", "0.1", "--out", "turned"]
     assert main(command) == 0
     said = capsys.readouterr().out
     assert "No model follows the record" in said
@@ -123,7 +123,7 @@ def test_a_network_that_diverges_is_told_so(folder, monkeypatch, capsys, tmp_pat
     theta[1] = 1.6  # dy/dy(t-1)
     replace(fit, theta=theta).save(tmp_path / "wild.json")
     command = [
-        "models",
+        "run",
         str(tmp_path / "wild.json"),
         "linear.json",
         "new.csv",
@@ -146,12 +146,12 @@ def test_a_network_that_diverges_is_told_so(folder, monkeypatch, capsys, tmp_pat
         (["new.csv"], "only new.csv is given"),
         (["linear.json", "gone.csv"], "gone.csv"),
         (["gone.json", "new.csv"], "cannot read gone.json"),
-        (["new.csv", "linear.json"], "the log stands last, after the models: qpal models linear.json new.csv"),
+        (["new.csv", "linear.json"], "the log stands last, after the models: qpal run linear.json new.csv"),
     ],
 )
 def test_bad_input_is_a_sentence(folder, monkeypatch, capsys, arguments, said):
     monkeypatch.chdir(folder)
-    assert main(["models", *arguments, "--ts", "0.1"]) == 2
+    assert main(["run", *arguments, "--ts", "0.1"]) == 2
     err = capsys.readouterr().err
     assert said in err
     assert err.count("\n") == 1

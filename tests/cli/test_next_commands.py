@@ -23,7 +23,7 @@ def here(tmp_path, monkeypatch):
 
 
 def test_a_log_before_the_models_is_told_with_the_command_that_works(here, capsys):
-    for given in (["run", "log.csv", "a/model.json"], ["models", "log.csv", "a/model.json", "b/model.json"]):
+    for given in (["run", "log.csv", "a/model.json"], ["run", "log.csv", "a/model.json", "b/model.json"]):
         capsys.readouterr()
         assert main(given) == 2
         meant = capsys.readouterr().err.strip().rpartition("the models: ")[2]

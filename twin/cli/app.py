@@ -1,11 +1,13 @@
 """The table of verbs."""
 
+import shlex
 from functools import cache
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperArgument
+from typer.core import TyperArgument, TyperGroup
 
+from sysid.base.errors import InputError
 from twin.cli import bench, rig
 from twin.cli.browser import app as browser
 from twin.cli.calibrate import calibrate
@@ -15,14 +17,20 @@ from twin.cli.design import design
 from twin.cli.export import export
 from twin.cli.identify import identify
 from twin.cli.info import info
-from twin.cli.models import models
 from twin.cli.options import Verb
 from twin.cli.reproduce import reproduce
 from twin.cli.run import run
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (reproduce, simulate, identify, compare, calibrate, design, info, view, crawl, run, models, export, browser)
+VERBS = (info, identify, run, export, design, browser, simulate, compare, calibrate, view, crawl, reproduce)
+# As `qpal --help` shows them; rig and bench have verbs of their own.
+HEADINGS = {
+    "Models of records": ("info", "identify", "run", "export", "design", "app"),
+    "The leg and its rig": ("simulate", "compare", "calibrate", "view", "rig"),
+    "For work on QPAL itself": ("reproduce", "crawl", "bench"),
+}
+RENAMED = {"models": "run"}
 # What these make is looked at: they write no report and no summary, and take no --out and --json.
 SHOWN = (view, browser)
 
@@ -62,10 +70,25 @@ class _Verb(Verb):
         ]
 
 
+class _Verbs(TyperGroup):
+    """The verbs under their headings; an old name of one is told what it is called now."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        for heading, names in HEADINGS.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name, self.commands[name].get_short_help_str(80)) for name in names])
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        if args and (now := RENAMED.get(args[0])):
+            raise InputError(f"qpal {args[0]} is called qpal {now} now: {shlex.join(['qpal', now, *args[1:]])}")
+        return super().resolve_command(ctx, args)
+
+
 def build() -> typer.Typer:
     """The command line with every verb."""
     app = typer.Typer(
         name="qpal",
+        cls=_Verbs,
         context_settings={"help_option_names": ["-h", "--help"]},
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # help is shown as it is written: rich takes words in brackets for its own marks

@@ -25,6 +25,10 @@ ROUNDS = 6  # of a structure search, about
 SECONDS = 110.0  # `sysid.selection.table.SECONDS`, whose import would cost the help text its speed
 
 
+_SHOWN = ("input", "output", "ts", "time", "map", "range", "validation", "structure", "orders", "starts", "split")
+
+
+@options.shows(*_SHOWN, "resample", "start", "out", "as_json", more=recipes.settings_of)
 @recipes.takes_recipes
 def identify(
     files: options.RecordFiles,

@@ -3,7 +3,7 @@
 import math
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -263,10 +263,29 @@ _HOME = re.compile(r"~(/|$)")  # a shell leaves it after an equals sign: --out=~
 _PLACE = re.compile(r"[\[{]?(FILE|DIR|LOG|MODEL|TABLE|BASE)\b")  # how a file or a folder is called in the help
 
 
+ALL = "--help-all"
+
+
+def shows(*names: str, more: Callable[[list[str]], Iterable[str]] = lambda words: ()) -> Callable[..., Any]:
+    """Decorator of a verb whose help shows the options `names`, and those that `more` gives for the words given;
+    --help-all shows all."""
+
+    def mark(verb: Any) -> Any:
+        verb.shown, verb.more = names, more
+        return verb
+
+    return mark
+
+
 class Verb(TyperCommand):
     """A verb that refuses an option given twice, a file or a folder without a name, and a text that no system takes."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        names = getattr(self.callback, "shown", ())
+        if names and ALL in args:
+            args = ["--help"]
+        elif names:
+            ctx.meta[ALL] = {*names, "help", *self.callback.more(args)}  # type: ignore[union-attr]
         _, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
         for parameter in order:
             once = parameter.param_type_name == "option" and not (
@@ -278,6 +297,20 @@ class Verb(TyperCommand):
                     "several values"
                 )
         return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        params, names = self.params, ctx.meta.get(ALL)
+        if names is None:
+            return super().format_options(ctx, formatter)
+        try:
+            self.params = [p for p in params if p.param_type_name == "argument" or p.name in names]
+            super().format_options(ctx, formatter)
+        finally:
+            self.params = params
+        formatter.write_paragraph()
+        formatter.write_text(
+            f"--structure NAME --help shows the options of a structure too, {ALL} all {len(params)} of this verb."
+        )
 
     def invoke(self, ctx: Any) -> Any:
         for parameter in self.get_params(ctx):

@@ -62,6 +62,17 @@ def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None
     return kind(**settings)
 
 
+def settings_of(words: list[str]) -> list[str]:
+    """The settings of the structure that the words of a command name; none where they name none."""
+    texts = [
+        text.partition("=")[2] or after
+        for text, after in zip(words, [*words[1:], ""], strict=True)
+        if text.partition("=")[0] == "--structure"
+    ]
+    kind = TABLE.get(texts[-1].replace("-", "_")) if texts else None
+    return _names(kind) if kind is not None else []
+
+
 def refuse_settings(values: Mapping[str, Any], structure: str) -> None:
     """Raises InputError for a setting of one structure if `structure` starts a search."""
     for name, value in values.items():
