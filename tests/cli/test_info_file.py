@@ -53,7 +53,7 @@ def test_a_capture_is_described_and_its_mapping_reads_it_the_same(folder, capsys
     assert first["columns"][1]["low"] == min(
         int(line.split(",")[1]) for line in Path("rig.csv").read_text().splitlines()[1:]
     )
-    assert first["mapping"]["clock"] == {"column": "millis", "unit": "ms", "wrap": 16, "period": None, "Ts": None}
+    assert first["mapping"]["clock"] == {"column": "millis", "unit": "ms", "period": 65536.0, "Ts": None}
     sampling = first["sampling"]
     assert (sampling["Ts"], sampling["samples"], sampling["largest_step"]) == (0.02, N, pytest.approx(0.06))
     assert sampling["repairs"] == {"wraps": 1, "lost": 3, "filled samples": 3}
