@@ -11,8 +11,8 @@ from sysid.channels.column import column_of, label, numbers, parse_header, unit_
 from sysid.channels.complaints import brief
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock
-from sysid.channels.sign import with_sign
 from sysid.data.table import Table
+from sysid.data.words import with_sign
 
 # Numbers that no channel has, and codes that an instrument writes for none.
 HUGE = 1e16  # beside which a signal of usual size is rounded away when a mean is subtracted

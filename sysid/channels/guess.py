@@ -51,8 +51,8 @@ from sysid.channels.roles import (
     is_counter,
     switch_of,
 )
-from sysid.channels.sign import sign_bit_of, with_sign
 from sysid.data.table import Table
+from sysid.data.words import Word, with_sign, word_of
 from sysid.formats import read_table
 
 LOST = 1.75  # of the middle step of a clock: a longer one leaves samples out
@@ -321,11 +321,18 @@ def _guess_channel(role: str, column: Column, why: list[str], remarks: dict[str,
         why.append(
             f"column {name!r} goes from {unit} to {conversion.unit or 'a plain number'}: its header names {unit}"
         )
-    bit = sign_bit_of(column.values)
-    if bit:
-        x, values = column.finite, with_sign(column.finite, 0, bit)[0]
-        why.append(
-            f"bit {bit} of column {name!r} is read as its sign: {x.min():g} to {x.max():g} become {values.min():g} to "
-            f"{values.max():g}; if it is none, set sign_bit = 0 in [[{role}]] of a mapping"
-        )
-    return Channel(column=name, unit=unit, name=label(name, role, unit), sign_bit=bit)
+    word = word_of(column.values) or Word()
+    if word.evidence:
+        why.append(_word_text(role, column, word))
+    read = word if word.sure else Word()
+    return Channel(column=name, unit=unit, name=label(name, role, unit), signed=read.signed, sign_bit=read.sign_bit)
+
+
+def _word_text(role: str, column: Column, word: Word) -> str:
+    """What is said of numbers that are words without their sign, or may be."""
+    x, values = column.finite, with_sign(column.finite, word.signed, word.sign_bit)[0]
+    become, place = f"{x.min():g} to {x.max():g} become {values.min():g} to {values.max():g}", f"of [[{role}]]"
+    if word.sure:
+        off = word.entry.split(" = ")[0]
+        return f"column {column.name!r} holds {word.kind}: {become}; if not, set {off} = 0 {place} in a mapping"
+    return f"column {column.name!r} may hold {word.kind}; if so, set {word.entry} {place} in a mapping: {become}"

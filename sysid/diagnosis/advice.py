@@ -17,7 +17,7 @@ from sysid.data.record import IOData, check_magnitudes
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.relation import advise_relation
-from sysid.diagnosis.signals import NO_VALUE, constant_warning, missing_code, stuck_warning, wrap_warning
+from sysid.diagnosis.signals import NO_VALUE, constant_warning, missing_code, stuck_warning, word_warning, wrap_warning
 from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
@@ -46,7 +46,8 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     """
     check_magnitudes(data)
     with one_blas_thread():
-        wrap_warnings = {j: jump for j in range(data.y.shape[1]) if (jump := wrap_warning(data, j)) is not None}
+        warnings = ((j, word_warning(data, "y", j) or wrap_warning(data, j)) for j in range(data.y.shape[1]))
+        wrap_warnings = {j: jump for j, jump in warnings if jump is not None}
         findings = list(wrap_warnings.values())  # first: they are in the way of all others
         findings += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
@@ -71,6 +72,8 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
     if (warning := constant_warning(data, "u", i)) is not None:
         yield warning
         return
+    if (warning := word_warning(data, "u", i)) is not None:
+        yield warning
     order = signals.persistence(u)
     if order >= ORDER:
         yield Advice("excitation", f"{name} is persistently exciting of order {order} or more", order, "", "fine")

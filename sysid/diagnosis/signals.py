@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.base.quantities import display_quantity
 from sysid.data.record import IOData
+from sysid.data.words import word_of
 from sysid.data.wraps import unwrapped
 from sysid.diagnosis.finding import Advice, channel
 
@@ -113,6 +114,18 @@ def reaches(u: np.ndarray, frequency: float) -> bool:
     return bool(np.any(power[above].sum(axis=0) > 0.01 * power.sum(axis=0)))
 
 
+def word_warning(data: IOData, role: str, k: int) -> Advice | None:
+    """The warning about input ("u") or output ("y") k if its numbers are words without their sign, beyond doubt."""
+    x = data.u[:, k] if role == "u" else data.y[data.observed[:, k], k]
+    word = word_of(x)
+    if word is None or not word.sure:
+        return None
+    sentence = f"{channel(data, role, k)} holds {word.kind}, and is read as plain numbers up to {x.max():g}"
+    table = "input" if role == "u" else "output"
+    todo = f"write the mapping, set {word.entry} in its [[{table}]], and give it with --map"
+    return Advice(WRAPS, sentence, word.evidence, todo, "warning", command=("info", "--write-map", MAP_FILE))
+
+
 def wrap_warning(data: IOData, j: int) -> Advice | None:
     """The warning about output j if it jumps by a turn or as a counter that begins again; None if it does not."""
     name = channel(data, "y", j)
@@ -134,9 +147,6 @@ def wrap_warning(data: IOData, j: int) -> Advice | None:
         bits = next((bits for bits in COUNTER_BITS if turn == 2.0**bits), 0)
         if bits and unit not in angles:
             sentence = f"{name} is a counter of {bits} bits that passes 0 {times}, not an output that jumps"
-            if all(_is_signed_counter(a, b.data.y[:, 0], turn) for a, b in zip(y, parts, strict=True)):
-                todo = f"write the mapping, set signed = {bits} in its [[output]], and give it with --map"
-                return Advice(WRAPS, sentence, count, todo, "warning", command=("info", "--write-map", MAP_FILE))
         else:
             sentence = (
                 f"{name} jumps {times} by a turn of {turn:.4g} {unit or 'counts'}, as a sensor within one turn does"
@@ -144,12 +154,6 @@ def wrap_warning(data: IOData, j: int) -> Advice | None:
         todo = "log the angle over turns, or undo the wraps in Python before the fit"
         return Advice(WRAPS, sentence, count, todo, "warning", call="sysid.data.wraps.unwrapped(data).data")
     return None
-
-
-def _is_signed_counter(y: np.ndarray, unwrapped_values: np.ndarray, turn: float) -> bool:
-    """Whether a counter as a signed word has no jump: it then is the unwrapped one but for whole turns."""
-    offset = np.where(y >= 0.5 * turn, y - turn, y) - unwrapped_values
-    return bool(np.ptp(offset) == 0)
 
 
 def missing_code(y: np.ndarray, mask: np.ndarray) -> float | None:
