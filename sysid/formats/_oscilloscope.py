@@ -1,7 +1,9 @@
 """Exports of oscilloscopes: tables of text with a preamble above or beside the numbers.
 
 Rigol has names, then `Sequence,Volt,...` with start and increment; Siglent and Tektronix have lines of settings, then
-names; older Tektronix have the settings in the first three columns; Keysight has names, then `second,Volt`.
+names; older Tektronix have the settings in the first three columns; Keysight has names, then `second,Volt`; LeCroy has
+`Segments,1,SegmentSize,502`, then `Time,Ampl`, a time [s] and a number without a unit. Yokogawa has no times: those are
+HResolution (n - 1) + HOffset for the nth row (user's manual IM DLM3054-01EN, appendix 3, ASCII data file format).
 """
 
 from collections.abc import Sequence
@@ -15,6 +17,7 @@ from sysid.data.table import Table, is_number
 SETTINGS = {  # of a preamble, in small letters: one of them says that it is one
     *("record length", "sample interval", "trigger point", "source", "vertical units", "vertical scale", "sample rate"),
     *("horizontal units", "horizontal scale", "model", "model number", "firmware version", "waveform type", "points"),
+    "segments",
 }
 UNITS = {
     "second": "s",
@@ -47,11 +50,16 @@ class Preamble:
     increment: float | None = None
     side: int = 0
     text: str = ""
+    timeless: bool = False  # no column counts samples: the rows do
 
     def finished(self, table: Table) -> Table:
         """The table without the columns of settings, with times in place of counts, and a note."""
         keep = range(self.side, len(table.names))
         columns = [table.columns[j] for j in keep]
+        names, rows = [table.names[j] for j in keep], [table.rows[j] for j in keep]
+        if self.timeless:
+            names, rows = ["time", *names], [rows[0], *rows]
+            columns.insert(0, np.arange(len(columns[0]), dtype=float))
         if self.increment is not None:
             counts = columns[0]
             if not isinstance(counts, np.ndarray):
@@ -61,10 +69,10 @@ class Preamble:
             columns[0] = self.start + self.increment * counts
         return replace(
             table,
-            names=tuple(table.names[j] for j in keep),
+            names=tuple(names),
             columns=tuple(columns),
-            rows=tuple(table.rows[j] for j in keep),
-            units={name: unit for name, unit in table.units.items() if name in table.names[self.side :]},
+            rows=tuple(rows),
+            units={name: unit for name, unit in self.units.items() if name in names},
             notes=(*table.notes, f"read as the export of an oscilloscope: {self.text}"),
         )
 
@@ -72,7 +80,7 @@ class Preamble:
 def preamble_of(rows: Sequence[Sequence[str]]) -> Preamble | None:
     """The preamble in the first rows of a table by their cells; None of another table."""
     cells = [_stripped(row) for row in rows]
-    return _beside(cells) or _counted(cells) or _above(cells)
+    return _beside(cells) or _counted(cells) or _timeless(cells) or _above(cells)
 
 
 def _counted(rows: list[list[str]]) -> Preamble | None:
@@ -85,8 +93,34 @@ def _counted(rows: list[list[str]]) -> Preamble | None:
     names = ("time", *rows[0][1:-2])
     step = float(increment)
     text = f"{len(names) - 1} channel(s), a sample every {step:g} s"
-    known = {name: UNITS.get(unit.lower(), unit) for name, unit in zip(names[1:], units[1:], strict=True)}
+    known = {name: _unit(unit) for name, unit in zip(names[1:], units[1:], strict=True)}
     return Preamble(names, {"time": "s", **known}, len(names), 2, float(start), step, text=text)
+
+
+def _timeless(rows: list[list[str]]) -> Preamble | None:
+    """Yokogawa: lines TraceName, VUnit, HResolution, HOffset and others, whose number stands first, then the traces."""
+    settings = {row[0].lower(): row[1:] for row in rows if row[0] and not is_number(row[0])}
+    if not {"header size", "tracename", "hresolution"} <= set(settings) or rows[0][0].lower() != "header size":
+        return None
+    traces = [name for name in settings["tracename"] if name]
+    first = next((k for k, row in enumerate(rows) if row != [""] and _only_numbers(row)), None)
+    times = [settings.get(key, ["0"])[:1] for key in ("hresolution", "hoffset")]
+    side = len(rows[first]) - len(traces) if first is not None else -1
+    if first is None or side not in (0, 1) or not traces or not all(t and is_number(t[0]) for t in times):
+        return None
+    increment, start = (float(t[0]) for t in times)
+    texts = settings.get("vunit", [])
+    units = {name: _unit(unit) for name, unit in zip(traces, texts, strict=False) if unit}
+    horizontal = settings.get("hunit", ["s"])[:1] or ["s"]
+    units["time"] = _unit(horizontal[0])
+    names = (*(f"setting {k}" for k in range(1, side + 1)), *traces)
+    text = f"{len(traces)} trace(s), a sample every {increment:g} {units['time']}"
+    return Preamble(names, units, len(names), first, start, increment, side, text, True)
+
+
+def _only_numbers(row: list[str]) -> bool:
+    """Whether all cells are numbers, but for the first, which may be empty."""
+    return all(is_number(cell) for cell in row[1 if len(row) > 1 and not row[0] else 0 :])
 
 
 def _beside(rows: list[list[str]]) -> Preamble | None:
@@ -101,7 +135,7 @@ def _beside(rows: list[list[str]]) -> Preamble | None:
     names = tuple(f"setting {k}" for k in range(1, SIDE + 1))
     signals = (source, *(f"{source}:{k}" for k in range(2, width - SIDE)))[: width - SIDE - 1]
     unit = settings.get("vertical units", "")
-    units = {"time": "s", **{name: UNITS.get(unit.lower(), unit) for name in signals if unit}}
+    units = {"time": "s", **{name: _unit(unit) for name in signals if unit}}
     return Preamble((*names, "time", *signals), units, width, 0, side=SIDE, text=f"{source}, settings beside it")
 
 
@@ -124,8 +158,17 @@ def _above(rows: list[list[str]]) -> Preamble | None:
     units = {"time": "s"}
     if unit_rows:
         units |= {name: UNITS[cell.lower()] for name, cell in zip(names, rows[unit_rows[0]], strict=True)}
+    else:
+        stated = {row[0].lower().rstrip(":"): row[1:] for row in settings}
+        units["time"] = _unit(stated.get("horizontal units", ["s"])[0])
+        vertical = stated.get("vertical units", [])
+        units |= {name: _unit(cell) for name, cell in zip(names[1:], vertical, strict=False) if cell}
     text = f"{len(settings)} line(s) of settings above the numbers"
     return Preamble(names, units, width, first, text=text) if len(set(names)) == width else None
+
+
+def _unit(text: str) -> str:
+    return UNITS.get(text.lower(), text)
 
 
 def _numeric(row: list[str], like: list[str]) -> bool:

@@ -1,4 +1,4 @@
-"""Exports of oscilloscopes in the layouts of four makers: the plant comes back from each, with its units."""
+"""Exports of oscilloscopes in the layouts of six makers: the plant comes back from each, with its units."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,25 @@ SIGLENT = ["Record Length,Analog:600", f"Sample Interval,Analog:{TS}", "Vertical
 SIGLENT += ["Vertical Scale,CH1:2.00,CH2:5.00", "Horizontal Units,s", "Horizontal Scale,0.1", "Model Number,SDS1104X-E"]
 TEKTRONIX = ["Model,MDO3024", "Firmware Version,1.26", "", "Waveform Type,ANALOG,,", "Point Format,Y,,"]
 TEKTRONIX += ["Horizontal Units,s,,", f"Sample Interval,{TS},,", "Record Length,600,,", "Vertical Units,V,V,", ",,,"]
+MSO = ["Model,MSO44", "Label,,", "Waveform Type,ANALOG,", "Horizontal Units,s,", f"Sample Interval,{TS:.8e},"]
+MSO += ["Record Length,600,", "Zero Index,120.0,", "Vertical Units,V,V", ",,", "Labels,,", "TIME,CH1,CH2"]
+LECROY = ["LECROYWS3034,10081,Waveform", "Segments,1,SegmentSize,600", "Segment,TrigTime,TimeSinceSegment1"]
+LECROY += ["#1,23-Mar-2022 02:21:36,0                 ", "Time,Ampl1,Ampl2"]
+YOKOGAWA = ['"Header Size","15"', '"Model Name","DLM3024"', '"Comment",""', '"BlockNumber","1"']
+YOKOGAWA += ['"TraceName","CH1","CH2"', '"BlockSize","600","600"', '"VUnit","V","V"', '"SampleRate","50","50"']
+YOKOGAWA += [
+    f'"HResolution","{TS}","{TS}"',
+    '"HOffset","-2.4","-2.4"',
+    '"HUnit","s","s"',
+    '"DisplayBlockSize","600","600"',
+]
+YOKOGAWA += ['"DisplayPointNo.","1","1"', '"Date","2022/03/23","2022/03/23"', '"Time","02:21:36.0","02:21:36.0"']
+TRACES = [f"{u:.6e},{y:.12e}" for u, y in zip(U, Y, strict=True)]
 LAYOUTS = {
+    "Tektronix MSO": [*MSO, *ROWS],
+    "LeCroy": [*LECROY, *ROWS],
+    "Yokogawa": [*YOKOGAWA, *TRACES],
+    "Yokogawa, values behind the settings": [*YOKOGAWA, "", *(f",{row}" for row in TRACES)],
     "Rigol": ["X,CH1,CH2,Start,Increment,", f"Sequence,Volt,Volt,-2.400000e+00,{TS:.6e}"]
     + [f"{k},{u:.6e},{y:.12e},," for k, (u, y) in enumerate(zip(U, Y, strict=True))],
     "Siglent": [*SIGLENT, "Source,CH1,CH2", "Second,Volt,Volt", *ROWS],
@@ -31,9 +49,9 @@ def test_the_plant_comes_back(name, tmp_path):
     path = tmp_path / "a.csv"
     path.write_text("\n".join(LAYOUTS[name]) + "\n")
     table = read_table(path)
-    u, y = ("1", "2") if name.startswith("Keysight") else ("CH1", "CH2")
+    u, y = {"Keysight": ("1", "2"), "LeCroy": ("Ampl1", "Ampl2")}.get(name.split(",")[0], ("CH1", "CH2"))
     assert table.names == ("time", u, y)
-    assert dict(table.units) == ({"time": "s"} if name == "Tektronix" else {"time": "s", u: "V", y: "V"})
+    assert dict(table.units) == ({"time": "s"} if name == "LeCroy" else {"time": "s", u: "V", y: "V"})
     assert table.numbers("time")[:2] == pytest.approx([-2.4, -2.38])
     record = read_record(path, u, y)
     assert (record.data.N, round(record.data.Ts, 9)) == (600, TS)
