@@ -49,6 +49,11 @@ def blocks(path: Path, size: int = BLOCK) -> Iterator[tuple[int, bytes]]:
                 )
             yield row, block
             row += block.count(b"\n")
+            if len(block) - block.rfind(b"\n") > LONGEST_LINE:
+                raise InputError(
+                    f"{path}, row {row}: found a line of over {LONGEST_LINE >> 20} MB, which is no row of a table; "
+                    "give a text table with one row a sample"
+                )
 
 
 def _decode(file: BinaryIO, path: Path) -> BinaryIO:
@@ -67,13 +72,21 @@ def _decode(file: BinaryIO, path: Path) -> BinaryIO:
     return file
 
 
+LONGEST_LINE = 1 << 22  # bytes; a row of 100,000 numbers is half as long
+
+
 def _whole_lines(file: BinaryIO, size: int) -> Iterator[bytes]:
-    """Pieces of about `size` bytes; what follows the last line end belongs to the last piece."""
+    """Pieces of about `size` bytes; what follows the last line end belongs to the last piece, which a line that is too
+    long ends.
+    """
     lines = rest = b""
     while piece := file.read(size):
         piece = rest + piece
-        end = piece.rfind(b"\n") + 1
+        end = piece.rfind(b"\n") + 1 or piece.rfind(b"\r", 0, -1) + 1
         rest = piece[end:]
+        if len(rest) > LONGEST_LINE:  # or a hole of a file, gigabytes without a line end, would be read to its end
+            rest = piece
+            break
         if end:
             if lines:
                 yield lines

@@ -1,6 +1,8 @@
 """Long logs: what a million rows more need of memory and of processor time, each reading in a process of its own."""
 
+import os
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -94,3 +96,23 @@ def test_a_cell_without_a_value_leaves_the_other_numbers_as_they_are(tmp_path):
     found = table.columns[1].numbers()
     np.testing.assert_array_equal(np.flatnonzero(np.isnan(found)), [123])
     np.testing.assert_array_equal(np.delete(found, 123), np.delete(np.arange(400) % 7 + 0.25, 123))
+
+
+@pytest.mark.parametrize("fill", ["hole", "zeros", "carriage returns"])
+def test_a_file_without_line_ends_is_not_read_to_its_end(fill, tmp_path):
+    """A few rows and a hole of a gigabyte; rows that end with the carriage return alone are rows."""
+    path = tmp_path / "a.csv"
+    rows = b"t,u,y\n" + b"".join(b"%.2f,%d,%d\n" % (0.01 * k, k % 5, k % 7) for k in range(200))
+    if fill == "carriage returns":
+        rows += b"".join(b"%.2f,%d,%d\n" % (0.01 * k, k % 5, k % 7) for k in range(200, 600_000))
+        path.write_bytes(rows.replace(b"\n", b"\r"))
+        assert len(read_table(path).columns[0]) == 600_000
+        return
+    path.write_bytes(rows + b"0" * ((6 << 20) if fill == "zeros" else 0))
+    os.truncate(path, 1 << 30 if fill == "hole" else path.stat().st_size)
+    began = time.perf_counter()
+    with pytest.raises(
+        InputError, match=r"binary bytes, the first in row 202" if fill == "hole" else r"row 202: .* 4 MB"
+    ):
+        read_table(path)
+    assert time.perf_counter() - began < 5.0
