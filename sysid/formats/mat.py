@@ -6,9 +6,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._arrays import Arrays, list_descriptions, squeeze
+from sysid.formats._groups import damage
 from sysid.formats._mat_tree import Cells, Opaque, Tree, describe_tree, is_hdf, load_5, variables_of_5, variables_of_73
 
 HEADER = "qpal"
@@ -67,17 +67,8 @@ class Mat:
 
 def _variables(path: Path, hdf: bool) -> dict[str, Tree]:
     """The variables of the file by name; raises InputError for a damaged file."""
-    version = "of version 7.3 " if hdf else ""
-    try:
+    with damage(path, "MAT 7.3" if hdf else "MAT", "save it again from MATLAB with -v7"):
         return variables_of_73(path) if hdf else variables_of_5(path)
-    except MemoryError:
-        raise
-    except Exception as error:  # a damaged file fails in many ways inside scipy and h5py: each is the file's fault
-        if isinstance(error, OSError) and error.errno:
-            raise
-        raise InputError(
-            f"{path} is not a readable MAT file {version}({type(error).__name__}); save it again from MATLAB with -v7"
-        ) from None
 
 
 def _add(arrays: Arrays, name: str, tree: Tree) -> None:
