@@ -1,4 +1,4 @@
-"""A reduced run of scripts/environments.py: many odd settings at once change no number and no figure."""
+"""A reduced run of scripts/attack/environments.py: many odd settings at once change no number and no figure."""
 
 import os
 import resource
@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 @pytest.fixture(scope="module")
 def script():
-    return runpy.run_path(str(ROOT / "scripts" / "environments.py"), run_name="environments")
+    return runpy.run_path(str(ROOT / "scripts" / "attack" / "environments.py"), run_name="environments")
 
 
 def test_odd_settings_at_once_change_nothing(script, tmp_path):

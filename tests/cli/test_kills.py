@@ -1,4 +1,4 @@
-"""A run that is told to stop, or killed, at three moments: `scripts/kills.py` does it at as many as one asks for."""
+"""A run that is told to stop, or killed, at three moments: `scripts/attack/kills.py` does it at many."""
 
 import ctypes
 import importlib.util
@@ -19,7 +19,7 @@ VERB = ["info", "log.csv", "--write-map", "map.toml"]
 
 @pytest.fixture(scope="module")
 def kills():
-    path = Path(__file__).parents[2] / "scripts" / "kills.py"
+    path = Path(__file__).parents[2] / "scripts" / "attack" / "kills.py"
     spec = importlib.util.spec_from_file_location("kills", path)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -36,7 +36,7 @@ def given(tmp_path_factory):
 
 def stopped(kills, place, number, when):
     """The exit code and the words of a run, its process number, and what it left."""
-    process = kills.begin(kills.Verb(VERB), place, kills.HERE)
+    process = kills.begin(kills.Verb(VERB), place)
     ends = time.monotonic() + 60.0
     while not when(place) and time.monotonic() < ends:
         time.sleep(0.002)
@@ -85,13 +85,12 @@ def test_what_a_killed_run_leaves_goes_with_the_next_one(kills, given, tmp_path)
     shutil.copytree(given, place)
     assert stopped(kills, place, "KILL", at_work) == (-9, "")
     assert kills.left(place)
-    kills.whole(verb, place, kills.HERE)
+    kills.whole(verb, place)
     assert not kills.left(place)
     found = kills.contents(place, verb.out)
     assert {"map.toml", "runs/info/report.html", "runs/info/summary.json"} < set(found)
 
 
-@pytest.mark.nightly
 def test_the_script_notices_what_it_is_to_notice(kills, given, tmp_path):
     """Half an output, one of other content, a leftover, a traceback in vain: each is counted."""
     place, verb = tmp_path / "place", kills.Verb(VERB, ("out",))
@@ -100,20 +99,20 @@ def test_the_script_notices_what_it_is_to_notice(kills, given, tmp_path):
     (place / "tmp").mkdir()
     (place / "out" / "a.txt").write_text("1")
     (place / ".out.part").mkdir()
-    found = kills.Found(1.0)
     expected = {"out/a.txt": b"1", "out/b.txt": b"2"}
-    kills.check(verb, place, kills.HERE, "INT", 130, ("", "qpal: stopped; nothing was written"), expected, found)
+    stopped, ended = kills.Shot(verb, "INT", 0.0), kills.Shot(verb, "TERM", 0.0)
+    kills.check(stopped, place, 130, "qpal: stopped; nothing was written", expected)
     (place / "out" / "a.txt").write_text("3")
-    kills.check(verb, place, kills.HERE, "TERM", 0, ("", ""), expected, found)
-    assert found.wrong == {
-        "INT: half an output": 1,
-        "INT: says that nothing was written": 1,
-        "INT: left behind": 1,
-        "TERM: another output": 1,
-        "TERM: half an output": 1,
-        "TERM: code 0 without output": 1,
-        "TERM: left behind": 1,
-    }
+    kills.check(ended, place, 0, "", expected)
+    assert [kind for kind, _ in (*stopped.faults, *ended.faults)] == [
+        "INT: half an output",
+        "INT: says that nothing was written",
+        "INT: left behind",
+        "TERM: another output",
+        "TERM: half an output",
+        "TERM: code 0 without output",
+        "TERM: left behind",
+    ]
 
 
 def test_a_request_within_a_callback_is_repeated_and_prints_nothing(capfd):

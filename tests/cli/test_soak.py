@@ -1,4 +1,4 @@
-"""What scripts/soak.py calls grown: memory beyond 5 % after the warm-up, and handles that have become more."""
+"""What scripts/attack/soak.py calls grown: memory beyond 5 % after the warm-up, and handles that have become more."""
 
 import runpy
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from sysid.channels import conversion
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "soak.py"
+SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "attack" / "soak.py"
 ROW = {"rss": 100_000, "descriptors": 10, "threads": 2, "system_threads": 4, "children": 0}
 
 

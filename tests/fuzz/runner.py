@@ -11,23 +11,20 @@ import resource
 import shutil
 import signal
 import tempfile
-import time
 import traceback
 import warnings
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
+from fuzz.tally import KEPT, Tally
 from sysid.base.errors import InputError
 
 SECONDS = 2.0  # of processor time for a case
 WAITING = 30.0  # [s] on the clock
 MEMORY = 8 << 30  # bytes of addresses: an allocation above it is a MemoryError
-KEPT = 5  # samples of each kind of failure
 BEGAN = "began"
 PASSED = ("same", "read", "refused")
 
@@ -51,51 +48,19 @@ class Target(Protocol):
         ...
 
 
-@dataclass
-class Counts:
-    """How the cases of a target ended; `samples` by kind of failure: number of the case, what was said."""
-
-    cases: int = 0
-    ended: Counter[str] = field(default_factory=Counter)
-    samples: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
-    seconds: float = 0.0
-
-    @property
-    def failed(self) -> dict[str, int]:
-        """Failures by kind."""
-        return {kind: n for kind, n in sorted(self.ended.items()) if kind not in PASSED}
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        passed = {kind: self.ended[kind] for kind in PASSED}
-        failed = {"failed": sum(self.failed.values()), "kinds": self.failed, "samples": self.samples}
-        return {"cases": self.cases, **passed, **failed, "seconds": round(self.seconds, 1)}
-
-
-def run(target: Target, cases: range, seed: int, keep: Path | None = None) -> Counts:
+def run(target: Target, cases: range, seed: int, keep: Path | None = None) -> Tally:
     """Runs the cases of these numbers; each depends on its number and the seed alone."""
-    counts, start = Counts(), time.perf_counter()
+    tally = Tally()
     target.ready()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)
         while len(cases):
             for k, kind, said in _forked(target, cases, seed, folder):
-                _count(counts, k, kind, said, folder, keep)
+                tally.case(kind, [] if kind in PASSED else [(kind, f"case {k}: {said}")])
+                if kind not in PASSED and keep is not None and tally.kinds[kind] <= KEPT:
+                    shutil.copytree(folder / "case", keep / f"{k}", dirs_exist_ok=True)
                 cases = range(k + 1, cases.stop)
-    counts.seconds = time.perf_counter() - start
-    return counts
-
-
-def _count(counts: Counts, k: int, kind: str, said: str, folder: Path, keep: Path | None) -> None:
-    counts.cases += 1
-    counts.ended[kind] += 1
-    if kind in PASSED:
-        return
-    samples = counts.samples.setdefault(kind, [])
-    if len(samples) < KEPT:
-        samples.append((k, said))
-        if keep is not None:
-            shutil.copytree(folder / "case", keep / f"{k}", dirs_exist_ok=True)
+    return tally
 
 
 def _forked(target: Target, cases: range, seed: int, folder: Path) -> Iterator[tuple[int, str, str]]:

@@ -1,10 +1,11 @@
-"""What is fuzzed, and its share of the cases."""
+"""What is fuzzed, and how many cases a full run has."""
 
+from fuzz.binaries import Binaries
 from fuzz.journals import Journals
 from fuzz.logs import Logs
 from fuzz.models import Models
 from fuzz.parameters import ParameterFiles
 from fuzz.sessions import Sessions
 
-TARGETS = {each.name: each for each in (Logs, Models, Journals, ParameterFiles, Sessions)}
-SHARES = {"logs": 40, "models": 10, "journals": 15, "parameters": 20, "sessions": 15}
+TARGETS = {each.name: each for each in (Logs, Binaries, Models, Journals, ParameterFiles, Sessions)}
+SIZES = dict(zip(TARGETS, (35_000, 15_000, 10_000, 13_000, 15_000, 12_000), strict=True))

@@ -1,34 +1,28 @@
 """Numbers that act: saved models with large entries, under usual and large inputs, and what is said of their runs.
 
-    python scripts/acting_numbers.py > counts.json     # --only nlarx takes one structure, --exports runs those too
-
 Each case multiplies the entries of a saved model (all values of theta, or one alone) or the input of a record by a
 power of ten, and runs `qpal run` with a prediction, `qpal run` on inputs alone, and the exports, in this process. Bad
 are: an output with nan or inf of which no sentence names the sample ("silent"), a Python warning, and a traceback.
 """
 
-import argparse
 import contextlib
 import io
 import json
 import os
 import re
 import shutil
-import sys
 import tempfile
 import traceback
 import warnings
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
 import numpy as np
 import polars as pl
 from exported import FITS, structure_fit
+from fuzz.tally import Tally, part
 
 from sysid.estimation.origin import Origin
 from twin.cli import main as qpal
@@ -104,8 +98,8 @@ def run_bad(words: list[str], exports: bool = False) -> tuple[str, list[str]]:
     return ("finite" if finite else "told"), bad
 
 
-def cases(structure: str, exports: bool) -> Iterator[tuple[str, str, list[str]]]:
-    """Place, how it ended, what is bad."""
+def cases(structure: str) -> Iterator[tuple[str, dict[str, Any], list[str], bool]]:
+    """Place, document of the model, words of the call, and whether it exports."""
     fit, _ = structure_fit(structure)
     nu, ny = (1, 1) if structure == "nlarx" else fit.model.channels
     fit = replace(fit, origin=Origin("u", "y", "", "", 200, 90.0), u_offset=np.zeros(nu), y_offset=np.zeros(ny))
@@ -115,41 +109,27 @@ def cases(structure: str, exports: bool) -> Iterator[tuple[str, str, list[str]]]
     }
     for scale in (1.0, *SCALES):
         for entry in entries(document) if scale > 1.0 else [None]:
-            Path("model.json").write_text(json.dumps(scaled(document, entry, scale)))
+            changed = scaled(document, entry, scale)
             for size, (log, alone) in logs.items():
                 if size > 1.0 and scale > 1.0:
                     continue
-                place = f"{entry} x {scale:g}, u x {size:g}"
-                yield place, *run_bad(["run", "model.json", *log, "--horizon", "5"])
-                yield f"{place} alone", *run_bad(["run", "model.json", *alone])
-            if exports and entry is None:
+                place = f"{structure}: {entry} x {scale:g}, u x {size:g}"
+                yield place, changed, ["run", "model.json", *log, "--horizon", "5"], False
+                yield f"{place} alone", changed, ["run", "model.json", *alone], False
+            if entry is None:
                 for way in EXPORTS if scale <= 1e10 else EXPORTS[:2]:
-                    yield f"{place} {way}", *run_bad(["export", "model.json", way], True)
+                    yield f"{place} {way}", changed, ["export", "model.json", way], True
 
 
-def main() -> int:
-    """Run the cases and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="structures that begin so")
-    parser.add_argument("--exports", action="store_true")
-    options = parser.parse_args()
-    counts: dict[str, Counter[str]] = {}
-    samples: dict[str, str] = {}
+def attack(chosen: Any) -> Tally:
+    """The structures whose name has the part."""
+    tally = Tally()
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
-        for structure in (name for name in FITS if name.startswith(options.only)):
-            row = counts.setdefault(structure, Counter())
-            for place, end, bad in cases(structure, options.exports):
-                row[end] += 1
-                for sort in bad:
-                    row[f"BAD {sort}"] += 1
-                    samples.setdefault(sort, f"{structure}: {place}")
-            print(structure, dict(row), file=sys.stderr, flush=True)
+        for structure in (name for name in FITS if chosen.part in name):
+            for place, document, words, exports in part(cases(structure), chosen.scale, chosen.seed):
+                Path("model.json").write_text(json.dumps(document))
+                end, bad = run_bad(words, exports)
+                tally.case(end, [(sort, place) for sort in bad])
         os.chdir("/")
-    bad = sum(n for row in counts.values() for sort, n in row.items() if sort.startswith("BAD"))
-    print(json.dumps({"bad": bad, "counts": counts, "samples": samples}, indent=1))
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return tally

@@ -1,29 +1,25 @@
 """Methods of the benchmark that answer with anything: each gets a row that says so, and the rows of others stand.
 
-    python scripts/fuzz_methods.py --cases 2000 --seed 1
-
-First each odd value is put at each place of an answer alone (with `--part N` each Nth), then `--cases` answers have
-several at drawn places. Every answer is a row between two of a good method, in a table that is written and read.
-Prints counts as JSON: rows by how their status begins, and what must not be: an exception that ends the run, a missing
-row, a row of the good method that is not as without it, a warning, a hang. The exit status is 1 if any of that
-happened.
+First each odd value is put at each place of an answer alone, then many answers have several at drawn places. Every
+answer is a row between two of a good method, in a table that is written and read. Bad are: an exception that ends the
+run, a missing row, a row of the good method that is not as without it, a warning, a hang.
 """
 
-import argparse
 import itertools
 import json
+import os
 import signal
-import sys
 import tempfile
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from fuzz.tally import Tally, part
 
 from sysid.bench.cell import Cell, run_cells
 from sysid.bench.method import FunctionMethod, Outcome
@@ -34,6 +30,7 @@ from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
 SLOW = 5  # [s] of work for a row is a hang; a method that waits is stopped by its budget
+SEVERAL = 2000  # answers of a full attack with several odd values
 RIGHT = ("ok", "crashed", "refused", "stopped", "no data", "not installed")  # how a status may begin
 N, TEST = 60, "a"
 
@@ -351,41 +348,23 @@ def fault(method: Odd, folder: Path, expected: list[dict[str, Any]]) -> tuple[st
     return begin, ""
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run all, print counts; 1 if anything happened that must not be."""
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("--cases", type=int, default=2000, help="answers with several odd values")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--part", type=int, default=1, help="of the single odd values each Nth")
-    chosen = parser.parse_args(arguments)
+def attack(chosen: Any) -> Tally:
+    """Answers whose description has the part."""
 
     def late(*_: object) -> None:
         raise TimeoutError
 
     signal.signal(signal.SIGVTALRM, late)
-    rng = np.random.default_rng(chosen.seed)
-    cases = itertools.chain(itertools.islice(alone(), 0, None, chosen.part), (drawn(rng) for _ in range(chosen.cases)))
-    counts, bad, samples = Counter[str](), Counter[str](), list[str]()
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        table = Table(place / "alone.parquet")
+    rng, tally = np.random.default_rng(chosen.seed), Tally()
+    cases = itertools.chain(part(alone(), chosen.scale, chosen.seed), (drawn(rng) for _ in range(chosen.size(SEVERAL))))
+    with tempfile.TemporaryDirectory() as folder, open(os.devnull, "w") as nowhere, redirect_stdout(nowhere):
+        table = Table(Path(folder) / "alone.parquet")
         run_cells([Cell(Chosen(), "lag", good(), seed, 5.0) for seed in (0, 2)], table, 1)
         kept = [name for name in COLUMNS if name not in ("machine", "qpal")]
         expected = [{name: row[name] for name in kept} for row in table.rows().sort("seed").to_dicts()]
-        stdout, sys.stdout = sys.stdout, open("/dev/null", "w")  # noqa: SIM115 - for the whole run
-        for k, (name, method) in enumerate(cases):
-            (place / str(k)).mkdir()
-            begin, wrong = fault(method, place / str(k), expected)
-            counts[begin] += not wrong
-            bad[wrong.partition(":")[0]] += bool(wrong)
-            if wrong and len(samples) < 40:
-                samples.append(f"{name[:200]} -> {wrong}")
-        sys.stdout = stdout
-    bad = Counter({name: n for name, n in bad.items() if n})
-    rows = {name: n for name, n in counts.items() if n}
-    print(json.dumps({"cases": k + 1, "rows": rows, "bad": bad, "samples": samples}, indent=1, ensure_ascii=True))
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        for k, (name, method) in enumerate(case for case in cases if chosen.part in case[0]):
+            place = Path(folder) / str(k)
+            place.mkdir()
+            begin, wrong = fault(method, place, expected)
+            tally.case(begin or "bad", [(wrong.partition(":")[0], f"{name[:200]} -> {wrong}")] if wrong else [])
+    return tally

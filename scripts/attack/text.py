@@ -1,37 +1,31 @@
 """Text that acts: control characters in every place that a file has for text, and where they come out again.
 
-    python scripts/acting_text.py > counts.json      # every place; --only models takes one kind of place
-
 Each case puts hostile text into one place (a column's name, a unit, the name of a file, a string or a key of a saved
 model, of a map, of a parameter file, of a robot's MJCF, of a benchmark's table or method, of a session), runs a verb in
 this process, and searches what it printed and every file that it wrote. Counted are outputs that hold a raw control
 character, words that are longer than `LONGEST`, tracebacks, and models that load and cannot be saved.
 """
 
-import argparse
 import contextlib
 import io
 import json
 import os
 import re
 import shutil
-import sys
 import tempfile
 import traceback
 import warnings
 import zipfile
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
-
 import numpy as np
 import polars as pl
 from exported import structure_fit
 from fuzz.sessions import build
+from fuzz.tally import Tally, part
 from texts import HOSTILE, LONG, acting
 
 from sysid.base.errors import TEXT, InputError
@@ -81,8 +75,8 @@ def changed(document: Any, path: tuple, text: str) -> Any:
     """The document with this text at the end of the string at `path`, or as the key of the first entry of a table."""
     copy = json.loads(json.dumps(document))
     holder = copy
-    for part in path[:-1]:
-        holder = holder[part]
+    for step in path[:-1]:
+        holder = holder[step]
     if path[-1] is None:
         key = next(iter(holder), None)
         holder[f"{key}{text}"] = holder.pop(key, 1)
@@ -288,69 +282,49 @@ def strings(value: Any) -> Iterator[str]:
         yield value
 
 
-def surrogates(folder: Path) -> dict[str, int]:
-    """Models with a lone surrogate in one string or key: refused, kept, or loaded and not to be saved."""
-    import sysid
-
-    counts: Counter[str] = Counter()
+def surrogates(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Models with a lone surrogate in one string or key."""
     for structure in STRUCTURES:
         document = json.loads(save_any(structure_fit(structure)[0], folder / "whole.json").read_text())
         document |= {"origin": encode(Origin("u", "y", "V", "rad", 300, 90.0), ""), "warnings": ["it is a warning"]}
         for path in places(document):
             file = folder / "surrogate.json"
             file.write_text(json.dumps(changed(document, path, "\ud800")))
-            try:
-                fit = sysid.load(file)
-            except InputError:
-                counts["refused"] += 1
-                continue
-            except Exception as error:
-                counts[f"load {type(error).__name__}"] += 1
-                continue
-            try:
-                save_any(fit, folder / "again.json")
-                counts["saved"] += 1
-            except Exception as error:
-                counts[f"loads, then save: {type(error).__name__}"] += 1
-    return dict(counts)
+            yield f"{structure} {path}", file
 
 
-def main() -> int:
-    """Run the cases and print the counts."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", default="", help="kinds of place that begin so")
-    options = parser.parse_args()
+def kept(file: Path) -> tuple[str, list[str]]:
+    """How a saved model ends that is loaded and saved again, and what is bad of it."""
+    import sysid
+
+    try:
+        save_any(sysid.load(file), file.with_name("again.json"))
+    except InputError:
+        return "refused", []
+    except Exception as error:
+        return "failed", [f"load or save: {type(error).__name__}"]
+    return "saved", []
+
+
+def attack(chosen: Any) -> Tally:
+    """The kinds of place that have the part."""
     warnings.simplefilter("ignore")
-    counts: dict[str, Counter[str]] = {}
-    samples: dict[str, str] = {}
+    tally = Tally()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         os.chdir(folder)
-        for kind, place, calls in cases(folder):
-            if not kind.startswith(options.only):
-                continue
+        wanted = (case for case in cases(folder) if chosen.part in case[0])
+        for kind, place, calls in part(wanted, chosen.scale, chosen.seed):
             for call in calls:
-                bad = run_case(call, folder)
-                row = counts.setdefault(kind, Counter())
-                row["calls"] += 1
-                for sort in bad:
-                    row[sort] += 1
-                    samples.setdefault(f"{kind}: {sort}", f"{place}: {call[0]} {call[2:3]}"[:160])
+                bad = [(f"{kind}: {sort}", f"{place}: {call[0]} {call[2:3]}") for sort in run_case(call, folder)]
+                tally.case(kind, bad)
                 shutil.rmtree("runs", ignore_errors=True)
-        if not options.only or "session".startswith(options.only):
-            for place, bad in sessions(folder):
-                row = counts.setdefault("session", Counter())
-                row["calls"] += 1
-                row.update(bad)
-                for sort in bad:
-                    samples.setdefault(f"session: {sort}", place)
-        surrogate = surrogates(folder) if not options.only or "surrogate".startswith(options.only) else {}
+        if chosen.part in "session":
+            for place, sorts in part(sessions(folder), chosen.scale, chosen.seed):
+                tally.case("session", [(sort, place) for sort in sorts])
+        if chosen.part in "surrogate":
+            for place, file in part(surrogates(folder), chosen.scale, chosen.seed):
+                end, sorts = kept(file)
+                tally.case(f"surrogate {end}", [(f"surrogate: {sort}", place) for sort in sorts])
         os.chdir("/")
-    bad = sum(n for row in counts.values() for sort, n in row.items() if sort != "calls")
-    bad += sum(n for sort, n in surrogate.items() if sort not in ("refused", "saved"))
-    print(json.dumps({"bad": bad, "counts": counts, "surrogates": surrogate, "samples": samples}, indent=1))
-    return 1 if bad else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return tally

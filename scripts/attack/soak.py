@@ -1,30 +1,25 @@
-"""Mixed work in one process for as long as you like: do memory and handles stay where they are?
-
-    python scripts/soak.py --minutes 60        # prints one JSON object
-    python scripts/soak.py --rounds 8 --trace  # and the lines whose Python objects have grown
+"""Mixed work in one process for an hour: do memory and handles stay where they are?
 
 Each round fits several structures, one of them with a block from a step, runs an ensemble, writes a report and figures,
 saves and reads models and logs, works on a session of the app and meets bad input. Memory is that of the process after
 each round, once its garbage is collected, beside the largest of the warm-up, the first rounds, in which libraries load
-and compile. Exit status 1 if the median of the last tenth of the rounds is more than 5 % above it, or if descriptors,
-threads or child processes have become more.
+and compile. Bad is a median of the last tenth of the rounds more than 5 % above it, and more descriptors, threads or
+child processes.
 """
 
-import argparse
 import contextlib
 import gc
-import json
 import os
 import sys
 import tempfile
 import threading
 import time
-import tracemalloc
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fuzz.tally import Tally
 from matplotlib import pyplot
 
 import sysid
@@ -39,6 +34,7 @@ from sysid.workflow.setting import Setting
 from twin.app.entries import Data
 from twin.app.session import Session
 
+MINUTES = 60.0  # of a full attack
 GROWTH = 5.0  # [%] of memory after the warm-up
 WARM_UP = 5  # rounds
 STRUCTURES = (
@@ -149,30 +145,6 @@ def usage() -> dict[str, int]:
     }
 
 
-def soak(seconds: float, rounds: int, names: list[str], trace: bool) -> dict[str, Any]:
-    """Works until the time is over, or so many rounds are done; the numbers of every round."""
-    start, rows, first = time.monotonic(), [], None
-    while len(rows) < rounds and (time.monotonic() - start < seconds or len(rows) < 2 * WARM_UP):
-        rng = np.random.default_rng(len(rows))
-        with tempfile.TemporaryDirectory() as folder:
-            for name in names:
-                (Path(folder) / name).mkdir()
-                WORK[name](rng, Path(folder) / name)
-        rows.append(usage())
-        print(f"round {len(rows)}, {time.monotonic() - start:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
-        if trace and len(rows) == WARM_UP:
-            tracemalloc.start(8)
-            first = tracemalloc.take_snapshot()
-    result = judged(rows)
-    result |= {"minutes": round((time.monotonic() - start) / 60, 2), "work": names}
-    if first is not None:
-        growth = tracemalloc.take_snapshot().compare_to(first, "traceback")[:15]
-        result["grown"] = [
-            {"KiB": g.size_diff >> 10, "count": g.count_diff, "at": g.traceback.format()} for g in growth
-        ]
-    return {**result, "rounds": rows}
-
-
 def judged(rows: list[dict[str, int]]) -> dict[str, Any]:
     """Growth after the warm-up, and what is beyond its limit."""
     warm, last = rows[: min(WARM_UP, len(rows))], rows[-max(1, len(rows) // 10) :]
@@ -187,17 +159,18 @@ def judged(rows: list[dict[str, int]]) -> dict[str, Any]:
     return {"wrong": wrong, "growth_percent": round(growth, 2), "mebibytes": [warm_memory >> 10, int(end_memory) >> 10]}
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=60.0)
-    parser.add_argument("--rounds", type=int, default=sys.maxsize, help="at most")
-    parser.add_argument("--work", nargs="+", choices=WORK, default=list(WORK))
-    parser.add_argument("--trace", action="store_true", help="tell where Python's objects have grown; slower")
-    options = parser.parse_args()
-    result = soak(60.0 * options.minutes, options.rounds, options.work, options.trace)
-    print(json.dumps(result, indent=2))
-    return 1 if result["wrong"] else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def attack(chosen: Any) -> Tally:
+    """The work whose name has the part, until the time is over."""
+    start, rows, tally = time.monotonic(), list[dict[str, int]](), Tally()
+    while time.monotonic() - start < 60.0 * MINUTES * chosen.scale or len(rows) < 2 * WARM_UP:
+        rng = np.random.default_rng([chosen.seed, len(rows)])
+        with tempfile.TemporaryDirectory() as folder:
+            for name in (name for name in WORK if chosen.part in name):
+                (Path(folder) / name).mkdir()
+                WORK[name](rng, Path(folder) / name)
+        rows.append(usage())
+        tally.case("round")
+        print(f"round {len(rows)}, {time.monotonic() - start:.0f} s: {rows[-1]}", file=sys.stderr, flush=True)
+    result = judged(rows)
+    tally.case(f"memory grew by {result['growth_percent']} %", [("grown", text) for text in result["wrong"]])
+    return tally

@@ -1,29 +1,22 @@
-"""Damaged files of other programs: each ends in numbers or in a sentence, whatever its reader does on it.
+"""Files of other programs with damaged bytes: numbers or a sentence, whatever the reader does on them.
 
-    python scripts/fuzz_binary.py --edits 34000
-
-Small sound files of every format are written here, then edited: a byte, a run of bytes, a cut, blocks that change
-places. Each is read as users read it. Prints counts as JSON: numbers, sentence, and what must not be: traceback
-(another exception), signal (the process ended), hang. `--direct` reads in the same process, as before files had one of
-their own. The exit status is 1 if anything happened that must not be.
+Sound files hold what each format has beside plain vectors: structs, cells, objects, lists, messages.
 """
 
-import argparse
+import importlib
 import json
-import multiprocessing
-import os
 import struct
-import sys
 import tempfile
-import time
-import zlib
-from collections import Counter
 from collections.abc import Callable
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-SLOW = 200.0  # [s] without an answer is a hang
+from fuzz.runner import WrongError
+from sysid.base.errors import InputError
+from sysid.formats import read_table
+
 N = 40
 U, Y = np.round(np.sin(np.arange(N)), 3), np.round(np.cos(np.arange(N)), 3)
 START = 1_700_000_000_000_000_000  # [ns]
@@ -163,107 +156,36 @@ def edit_bytes(raw: bytes, rng: np.random.Generator) -> bytes:
     return raw[:a] + raw[b : b + c - a] + raw[c:b] + raw[a:c] + raw[b + c - a :]
 
 
-def outcome(path: Path, direct: bool) -> str:
-    """What reading the file ends in."""
-    from sysid.base.errors import InputError
-    from sysid.formats import TABLE, read_table
+class Binaries:
+    """A file of another program is read, or refused in one line."""
 
-    try:
-        table = TABLE[path.suffix]().read(path) if direct else read_table(path)
-        for name in table.names:
-            try:
-                table.numbers(name)
-            except InputError:
-                return "sentence"
-    except InputError as error:
-        return "sentence" if "\n" not in str(error) else f"traceback: lines {str(error)[:200]!r}"
-    except (Exception, *_panics()) as error:
-        return f"traceback: {type(error).__name__}: {str(error)[:100]}"
-    return "numbers"
+    name = "binaries"
+    seconds = 5.0
 
+    @cached_property
+    def _whole(self) -> dict[str, bytes]:
+        """The sound files; polars writes some of them, whose threads would not survive a fork."""
+        with tempfile.TemporaryDirectory() as folder:
+            for name, write in SOUND.items():
+                write(Path(folder) / name)
+            return {name: (Path(folder) / name).read_bytes() for name in SOUND}
 
-def _panics() -> tuple[type[BaseException], ...]:
-    import polars
+    def ready(self) -> None:
+        """Modules alone, as for logs."""
+        for name in ("polars", "scipy.io", "h5py", "mcap.writer", "rosbags.rosbag1", "rosbags.rosbag2"):
+            importlib.import_module(name)
 
-    return (polars.exceptions.PanicException,)
-
-
-def work(name: str, raw: bytes, seed: int, first: int, last: int, direct: bool, answers: int) -> None:
-    """Reads the edits `first`.. of a file until `last`, or until this process ends on one."""
-    if direct:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # panics are printed
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / name
-        for k in range(first, last):
-            path.write_bytes(edit(name, raw, seed, k))
-            os.write(answers, f"{k} {outcome(path, direct)}\n".encode())
-
-
-def edit(name: str, raw: bytes, seed: int, k: int) -> bytes:
-    """Edit k of a sound file, always the same."""
-    return edit_bytes(raw, np.random.default_rng([seed, zlib.crc32(name.encode()), k]))
-
-
-def count(name: str, raw: bytes, seed: int, edits: int, direct: bool) -> tuple[Counter, list[str]]:
-    """Counts of what `edits` edits of a file end in, and the first that must not be."""
-    counts: Counter = Counter()
-    bad: list[str] = []
-    number = 0
-    context = multiprocessing.get_context("spawn")
-    while number < edits:
-        with tempfile.NamedTemporaryFile() as output:
-            process = context.Process(target=_to_file, args=(name, raw, seed, number, edits, direct, output.name))
-            process.start()
-            last_progress, size = time.monotonic(), 0
-            while process.is_alive() and time.monotonic() - last_progress < SLOW:
-                process.join(0.05)
-                if os.path.getsize(output.name) != size:
-                    last_progress, size = time.monotonic(), os.path.getsize(output.name)
-            hangs = process.is_alive()
-            process.kill()
-            process.join()
-            for line in Path(output.name).read_text().splitlines():
-                outcome_text = line.partition(" ")[2]
-                counts[outcome_text.partition(":")[0]] += 1
-                if outcome_text not in ("numbers", "sentence"):
-                    bad.append(f"edit {number}: {outcome_text}")
-                number += 1
-        if number < edits:
-            outcome_text = "hang" if hangs else "signal"
-            counts[outcome_text] += 1
-            bad.append(f"edit {number}: {outcome_text} {process.exitcode}")
-            number += 1
-    return counts, bad
-
-
-def _to_file(name: str, raw: bytes, seed: int, first: int, last: int, direct: bool, answers: str) -> None:
-    work(name, raw, seed, first, last, direct, os.open(answers, os.O_WRONLY | os.O_APPEND))
-
-
-def main() -> int:
-    """Counts of all formats, as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--edits", type=int, default=34000, help="in all, shared evenly")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", nargs="*", default=list(SOUND), choices=list(SOUND), metavar="FILE")
-    parser.add_argument("--direct", action="store_true", help="read in the process itself, without its protection")
-    options = parser.parse_args()
-    began = time.monotonic()
-    every: dict[str, dict] = {}
-    with tempfile.TemporaryDirectory() as folder:
-        for j, name in enumerate(options.only):
-            path = Path(folder) / name
-            SOUND[name](path)
-            edits = options.edits // len(options.only) + (j < options.edits % len(options.only))
-            counts, bad = count(name, path.read_bytes(), options.seed, edits, options.direct)
-            every[name] = {**counts, **({"first": bad[:3]} if bad else {})}
-            print(f"{name}: {every[name]}", file=sys.stderr, flush=True)
-    kinds = ("numbers", "sentence", "traceback", "signal", "hang")
-    total = {kind: sum(counts_of_file.get(kind, 0) for counts_of_file in every.values()) for kind in kinds}
-    seconds = round(time.monotonic() - began)
-    print(json.dumps({"edits": sum(total.values()), **total, "seconds": seconds, "files": every}, indent=1))
-    return int(any(total[kind] for kind in kinds[2:]))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    def case(self, rng: np.random.Generator, folder: Path) -> str:
+        """One file."""
+        name = list(self._whole)[int(rng.integers(len(SOUND)))]
+        path = folder / name
+        path.write_bytes(edit_bytes(self._whole[name], rng))
+        try:
+            table = read_table(path)
+            for column in table.names:
+                table.numbers(column)
+        except InputError as error:
+            if "\n" in str(error):
+                raise WrongError(f"several lines: {error}") from None
+            raise
+        return "read"

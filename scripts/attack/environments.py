@@ -1,14 +1,10 @@
 """Does every verb give the same numbers and the same figures, whatever the machine around it is set to?
 
-    python scripts/environments.py                     # every environment; prints one JSON object
-    python scripts/environments.py --only usetex --verbs simulate
-
 Each environment runs the same verbs in a folder of its own, as a fresh process each. What they write is compared with
-what they write in a plain environment: numbers and figures to the last bit. Exit status 1 if anything differs. Where
-an environment leaves no room, a sentence at once is right, and a result is wrong only if it differs.
+what they write in a plain environment: numbers and figures to the last bit. Where an environment leaves no room, a
+sentence at once is right, and a result is wrong only if it differs.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -22,8 +18,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from fuzz.tally import Tally, part
+
 QPAL = "import sys; from twin.cli import main; sys.exit(main(sys.argv[1:]))"
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 VERBS: Mapping[str, Sequence[str]] = {
     "help": ("--help",),
     "simulate": ("simulate", "--duration", "20", "--out", "sim"),
@@ -209,38 +207,23 @@ def _numbers(value: Any) -> Any:
     return [_numbers(entry) for entry in value] if isinstance(value, list) else value
 
 
-def matrix(names: Sequence[str], verbs: Sequence[str]) -> dict[str, Any]:
-    """The table of all these environments, each beside the plain one."""
-    start, table = time.monotonic(), {}
+def attack(chosen: Any) -> Tally:
+    """The environments whose name has the part, each beside the plain one."""
+    tally = Tally()
+    others = [name for name in TABLE if name != "plain" and chosen.part in name]
     with tempfile.TemporaryDirectory() as place:
         base = Path(place) / "plain"
-        for k, name in enumerate(["plain", *(name for name in names if name != "plain")]):
-            folder = base if name == "plain" else Path(place) / str(k)
-            table[name] = result = run(name, folder, verbs)
-            if name != "plain" and result.get("codes") and not any(result["codes"].values()):
-                result["wrong"] += differences(folder, base)
-            print(f"{name}: {result.get('wrong') or result.get('skipped') or result['codes']}", file=sys.stderr)
+        for name in ["plain", *part(others, chosen.scale, chosen.seed)]:
+            folder = base if name == "plain" else Path(place) / "other"
+            result = run(name, folder)
+            codes = list(result.get("codes", {}).values())
+            wrong = result.get("wrong", [])
+            if name != "plain" and codes and not any(codes):
+                wrong += differences(folder, base)
+            tally.case(
+                "skipped" if "skipped" in result else f"ended with {max(codes)}", [(name, text) for text in wrong]
+            )
+            print(f"{name}: {wrong or result.get('skipped') or result['codes']}", file=sys.stderr, flush=True)
             if name != "plain":
                 shutil.rmtree(folder, ignore_errors=True)
-    wrong = sorted(name for name, result in table.items() if result.get("wrong"))
-    return {
-        "environments": len(table),
-        "wrong": wrong,
-        "skipped": sorted(name for name, result in table.items() if "skipped" in result),
-        "seconds": round(time.monotonic() - start, 1),
-        "table": table,
-    }
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", action="append", choices=TABLE, help="an environment (repeatable); all if not given")
-    parser.add_argument("--verbs", nargs="+", choices=VERBS, default=list(VERBS), help="verbs, in this order")
-    options = parser.parse_args()
-    result = matrix(options.only or list(TABLE), options.verbs)
-    print(json.dumps(result, indent=2))
-    return 1 if result["wrong"] else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    return tally

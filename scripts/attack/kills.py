@@ -1,16 +1,11 @@
-"""Every verb that writes is sent INT, TERM and KILL at moments of its run; prints counts as JSON.
+"""Every verb that writes is sent INT, TERM and KILL at moments of its run.
 
-    python scripts/kills.py --moments 50              # all verbs, hours
-    python scripts/kills.py --moments 5 --only simulate --only auto
-
-A run is measured once without a signal. Then it is signalled at `--moments` moments from the first import of the
-program to the end, spread evenly with a random share of a step. After each: outputs are whole or absent, standard error
-has no traceback, no process of the run is left two seconds later, and no temporary file (after KILL: once the next run
-has worked in that place). A verb that resumes is then run again; its result is that of the run that was not killed.
-`--checkout DIR` tries another checkout of the project.
+A run is measured once without a signal. Then it is signalled at moments from the first import of the program to the
+end, spread evenly with a random share of a step. After each: outputs are whole or absent, standard error has no
+traceback, no process of the run is left two seconds later, and no temporary file (after KILL: once the next run has
+worked in that place). A verb that resumes is then run again; its result is that of the run that was not killed.
 """
 
-import argparse
 import json
 import os
 import random
@@ -21,13 +16,15 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
-from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-HERE = Path(__file__).resolve().parent.parent
+from fuzz.tally import Tally
+
+HERE = Path(__file__).resolve().parents[2]
+RUNS = 200  # of a full attack
 SIGNALS = {"INT": signal.SIGINT, "TERM": signal.SIGTERM, "KILL": signal.SIGKILL}
 # Says on a number of its own that the program has been loaded and will now run.
 PROGRAM = "import os, sys; from twin.cli import main; os.write(int(sys.argv.pop(1)), b'.'); sys.exit(main())"
@@ -100,38 +97,35 @@ VERBS = {
 }
 
 
-@dataclass
-class Counts:
-    """Counts of one verb."""
+@dataclass(frozen=True)
+class Shot:
+    """One run that is signalled `moment` seconds after it began, and its faults: kind, sample."""
 
-    seconds: float
-    signalled: Counter[str] = field(default_factory=Counter)
-    ended: Counter[str] = field(default_factory=Counter)
-    wrong: Counter[str] = field(default_factory=Counter)
-    examples: list[str] = field(default_factory=list)
+    verb: Verb
+    number: str
+    moment: float
+    faults: list[tuple[str, str]] = field(default_factory=list)
 
-    def fails(self, fault: str, signal_name: str, example: str) -> None:
-        """One failure, with the first few told in full."""
-        self.wrong[f"{signal_name}: {fault}"] += 1
-        if len(self.examples) < 5:
-            self.examples.append(f"{signal_name} {fault}: {example[-600:]}")
+    def fails(self, fault: str, sample: object) -> None:
+        """One more fault."""
+        self.faults.append((f"{self.number}: {fault}", f"{self.verb.arguments[:2]} at {self.moment:.2f} s: {sample}"))
 
 
-def surroundings(checkout: Path, place: Path) -> dict[str, str]:
+def surroundings(place: Path) -> dict[str, str]:
     """The environment of a run: this checkout, one thread, temporary files of its own."""
     (place / "tmp").mkdir(exist_ok=True)
     threads = dict.fromkeys(("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
-    return {**os.environ, **threads, "PYTHONPATH": str(checkout), "TMPDIR": str(place / "tmp")}
+    return {**os.environ, **threads, "PYTHONPATH": str(HERE), "TMPDIR": str(place / "tmp")}
 
 
-def begin(verb: Verb, place: Path, checkout: Path) -> subprocess.Popen:
+def begin(verb: Verb, place: Path) -> subprocess.Popen:
     """The run in a session of its own, once its program has been loaded."""
     read, write = os.pipe()
     with (place / "tmp.err").open("wb") as errors:
         process = subprocess.Popen(
             verb.command(write),
             cwd=place,
-            env=surroundings(checkout, place),
+            env=surroundings(place),
             stdout=subprocess.DEVNULL,
             stderr=errors,
             stdin=subprocess.DEVNULL,
@@ -144,9 +138,9 @@ def begin(verb: Verb, place: Path, checkout: Path) -> subprocess.Popen:
     return process
 
 
-def whole(verb: Verb, place: Path, checkout: Path) -> None:
+def whole(verb: Verb, place: Path) -> None:
     """A run that nobody stops."""
-    finish(verb, begin(verb, place, checkout), place)
+    finish(verb, begin(verb, place), place)
 
 
 def finish(verb: Verb, process: subprocess.Popen, place: Path) -> None:
@@ -156,7 +150,7 @@ def finish(verb: Verb, process: subprocess.Popen, place: Path) -> None:
         raise RuntimeError(f"{verb.arguments} ended with {code}: {(place / 'tmp.err').read_text()[-800:]}")
 
 
-def inputs(place: Path, checkout: Path) -> None:
+def inputs(place: Path) -> None:
     """What the verbs read."""
     rng, x = random.Random(0), 0.0
     lines, u = ["time_s,u_V,y_m"], 0.0
@@ -165,8 +159,8 @@ def inputs(place: Path, checkout: Path) -> None:
         lines.append(f"{0.1 * k!r},{u!r},{x + 0.001 * rng.gauss(0.0, 1.0)!r}")
         x += 0.2 * (u - x)
     (place / "log.csv").write_text("\n".join(lines) + "\n")
-    whole(Verb([*FIT, "--out", "fit"]), place, checkout)
-    whole(Verb(["simulate", "--duration", "60", "--out", "leg", "--log", "leg.csv"]), place, checkout)
+    whole(Verb([*FIT, "--out", "fit"]), place)
+    whole(Verb(["simulate", "--duration", "60", "--out", "leg", "--log", "leg.csv"]), place)
 
 
 def comparable(path: Path) -> object:
@@ -228,144 +222,98 @@ def left(place: Path) -> list[str]:
     return hidden + empty + [name for name in os.listdir(place / "tmp") if name.startswith(("qpal-", "tmp", ".qpal"))]
 
 
-def attempt(
-    verb: Verb, template: Path, checkout: Path, number: str, moment: float, reference: dict, counts: Counts
-) -> None:
-    """One run that is signalled `moment` seconds after it began."""
+def attempt(shot: Shot, template: Path, reference: dict[str, Any]) -> str:
+    """The run and its signal; how it ended."""
+    verb, number = shot.verb, shot.number
     with tempfile.TemporaryDirectory(prefix="kills-") as name:
         place = Path(name) / "place"
         shutil.copytree(template, place)
-        process = begin(verb, place, checkout)
+        process = begin(verb, place)
         try:
-            process.wait(moment)
+            process.wait(shot.moment)
         except subprocess.TimeoutExpired:
             group = number == "INT"  # a terminal sends it to the whole group
             (os.killpg if group else os.kill)(process.pid, SIGNALS[number])
         try:
             code = process.wait(30)
         except subprocess.TimeoutExpired:
-            counts.fails("did not end within 30 s", number, f"at {moment:.2f} s")
+            shot.fails("did not end within 30 s", "")
             os.killpg(process.pid, signal.SIGKILL)
             code = process.wait()
         time.sleep(2.0 if processes(process.pid) else 0.0)
-        counts.signalled[number] += 1
-        counts.ended[f"{number} {code}"] += 1
-        tell = f"at {moment:.2f} s, code {code}: "
         for process_id in processes(process.pid):
-            counts.fails("a process is left", number, tell + str(process_id))
+            shot.fails("a process is left", process_id)
             os.kill(process_id, signal.SIGKILL)
+        said = (place / "tmp.err").read_text()
         own = verb.code == PROGRAM or code not in (-signal.SIGINT, -signal.SIGTERM)  # a script ends as Python does
         if number != "KILL" and code not in (0, 1, 130) and own:
-            counts.fails(f"ends with {code}", number, tell + (place / "tmp.err").read_text())
-        errors_text = (place / "tmp.err").read_text()
-        if "Traceback" in errors_text:
-            counts.fails("traceback", number, tell + errors_text)
-        check(verb, place, checkout, number, code, (tell, errors_text), reference, counts)
+            shot.fails(f"ends with {code}", said)
+        if "Traceback" in said:
+            shot.fails("traceback", said)
+        check(shot, place, code, said, reference)
+    return f"{number} {code}"
 
 
-def check(
-    verb: Verb,
-    place: Path,
-    checkout: Path,
-    number: str,
-    code: int,
-    messages: tuple[str, str],
-    reference: dict,
-    counts: Counts,
-) -> None:
+def check(shot: Shot, place: Path, code: int, said: str, reference: dict[str, Any]) -> None:
     """What stands after a run that ended with `code`, and after the run that follows it."""
-    tell, words = messages
+    verb, killed = shot.verb, shot.number == "KILL"
     outputs = contents(place, verb.out)
     if outputs and outputs != {name: reference[name] for name in outputs}:
-        counts.fails("another output", number, tell + str([n for n in outputs if outputs[n] != reference.get(n)]))
-    tops = {name.partition("/")[0] for name in outputs}
-    for top in tops:
+        shot.fails("another output", [name for name in outputs if outputs[name] != reference.get(name)])
+    for top in {name.partition("/")[0] for name in outputs}:
         if {name for name in outputs if name.split("/")[0] == top} != {n for n in reference if n.split("/")[0] == top}:
-            counts.fails("half an output", number, tell + str(sorted(outputs)))
-    if outputs and "nothing was written" in words:
-        counts.fails("says that nothing was written", number, tell + str(sorted(outputs)))
+            shot.fails("half an output", sorted(outputs))
+    if outputs and "nothing was written" in said:
+        shot.fails("says that nothing was written", sorted(outputs))
     if code == 0 and verb.out and set(outputs) != set(reference) - set(verb.grows):
-        counts.fails("code 0 without output", number, tell)
-    if number != "KILL" and left(place):
-        counts.fails("left behind", number, tell + str(left(place)))
-    if (number == "KILL" and not (verb.once and outputs)) or verb.again:
+        shot.fails("code 0 without output", sorted(outputs))
+    if not killed and left(place):
+        shot.fails("left behind", left(place))
+    if (killed and not (verb.once and outputs)) or verb.again:
         try:
-            whole(verb, place, checkout)
+            whole(verb, place)
         except RuntimeError as error:
-            counts.fails("the next run fails", number, tell + str(error))
+            shot.fails("the next run fails", error)
             return
-    if verb.again:
-        if contents(place, (*verb.out, *verb.grows)) != reference:
-            files = contents(place, (*verb.out, *verb.grows))
+    if verb.again or killed:
+        files = contents(place, (*verb.out, *verb.grows) if verb.again else verb.out)
+        if files != reference:
             names = [name for name in {**files, **reference} if files.get(name) != reference.get(name)]
-            counts.fails("resumed run differs", number, tell + str(names))
-    elif number == "KILL" and contents(place, verb.out) != reference:
-        counts.fails("next run differs", number, tell)
-    if number == "KILL" and left(place):
-        counts.fails("left behind", number, tell + str(left(place)))
+            shot.fails("the next run differs", names)
+    if killed and left(place):
+        shot.fails("left behind", left(place))
 
 
-def moments(count: int, seconds: float, draw: random.Random) -> Iterator[float]:
-    """Moments of a run, one in each of `count` equal parts."""
-    return (seconds * (k + draw.random()) / count for k in range(count))
-
-
-def tried(name: str, template: Path, checkout: Path, count: int, numbers: list[str], progress: Callable) -> Counts:
-    """All signals at all moments of one verb."""
-    verb = VERBS[name]
+def measured(verb: Verb, template: Path) -> tuple[float, dict[str, Any]]:
+    """How long a run takes that nobody stops, and its files."""
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         place = Path(folder) / "place"
         shutil.copytree(template, place)
-        process = begin(verb, place, checkout)
+        process = begin(verb, place)
         began = time.monotonic()
         finish(verb, process, place)
-        seconds = time.monotonic() - began
-        reference = contents(place, (*verb.out, *verb.grows))
-    counts = Counts(seconds)
-    for number in numbers:
-        for moment in moments(count, seconds, random.Random(f"{name} {number}")):
-            attempt(verb, template, checkout, number, moment, reference, counts)
-            progress(f"{name} {number} at {moment:.2f} of {seconds:.2f} s: {dict(counts.wrong)}")
-    return counts
+        return time.monotonic() - began, contents(place, (*verb.out, *verb.grows))
 
 
-def main() -> None:
-    """Prints the counts of each verb."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--moments", type=int, default=50)
-    parser.add_argument("--only", action="append", choices=VERBS)
-    parser.add_argument("--signals", nargs="*", choices=SIGNALS, default=list(SIGNALS))
-    parser.add_argument("--checkout", type=Path, default=HERE)
-    options = parser.parse_args()
+def attack(chosen: Any) -> Tally:
+    """Signals at moments of the verbs whose name has the part."""
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs in the background
-    summary = {}
+    draw, runs = random.Random(chosen.seed), chosen.size(RUNS)
+    verbs = [name for name in VERBS if chosen.part in name]
+    pairs = [(name, number) for name in verbs for number in SIGNALS]
+    each = -(-runs // len(pairs))  # moments
+    places = [(*pair, (k + draw.random()) / each) for pair in pairs for k in range(each)]
+    places = [place for place in places if place in set(draw.sample(places, min(runs, len(places))))]
+    tally = Tally()
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         template = Path(folder) / "given"
         template.mkdir()
-        inputs(template, options.checkout)
-        for name in options.only or VERBS:
-            began = time.monotonic()
-            counts = tried(
-                name,
-                template,
-                options.checkout,
-                options.moments,
-                options.signals,
-                lambda text: print(text, file=sys.stderr),
-            )
-            summary[name] = {
-                "run [s]": round(counts.seconds, 2),
-                "signalled": dict(counts.signalled),
-                "exit codes": dict(counts.ended),
-                "wrong": dict(counts.wrong),
-                "examples": counts.examples,
-                "took [s]": round(time.monotonic() - began),
-            }
-            print(json.dumps({name: summary[name]}), file=sys.stderr, flush=True)
-    total = sum(sum(verb_counts["signalled"].values()) for verb_counts in summary.values())
-    wrong = sum(sum(verb_counts["wrong"].values()) for verb_counts in summary.values())
-    print(json.dumps({"signalled": total, "wrong": wrong, "verbs": summary}, indent=1))
-
-
-if __name__ == "__main__":
-    main()
+        inputs(template)
+        for name in verbs:
+            mine = [(number, share) for verb, number, share in places if verb == name]
+            seconds, reference = measured(VERBS[name], template) if mine else (0.0, {})
+            for number, share in mine:
+                shot = Shot(VERBS[name], number, seconds * share)
+                tally.case(attempt(shot, template, reference), shot.faults)
+                print(f"{name} {number} at {shot.moment:.2f} of {seconds:.2f} s: {shot.faults}", file=sys.stderr)
+    return tally
