@@ -21,7 +21,7 @@ import numpy as np
 from study import Study
 
 import sysid
-from sysid.blocks import STATIC
+from sysid.blocks import STATIC, PiecewiseLinear, UnitGain
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.normal import Normal
 from sysid.estimation.starts import starts as make_starts
@@ -31,6 +31,7 @@ S = sysid.structures
 BUDGET = 5.0  # [s] of a fit, by the clock
 GRACE = 5.0  # [s] for the last step and the covariance; judged by processor time, for a machine that is busy
 LEAST = 1.0001  # ratio of losses above which one is worse: half a hundredth of a per cent of the output
+TOLD = ("further from the output than", "did not converge")  # warnings with which a fit says that it is a bad one
 MAPS = tuple(STATIC)
 
 
@@ -88,7 +89,13 @@ def record(rng: np.random.Generator) -> sysid.IOData:
 
 
 def references(chain, data: sysid.IOData, seed: int) -> dict[str, float]:
-    """Losses of the chain's linear start and of the constant that it can be."""
+    """Losses of the chain's linear start and of the constant that it can be.
+
+    Maps that end with a prior start as straight lines: to follow the noise less than a start whose curves are free is
+    what the prior is for.
+    """
+    straight = (UnitGain(role=b.role) if isinstance(b, PiecewiseLinear) else b for b in chain.blocks)
+    chain = replace(chain, blocks=tuple(straight))
     y = data.y[data.observed]
     takes = any(s.out_shift == 1.0 for b in chain.blocks[-1:] for s in b.symmetries(b.start(data.u[:, 0])))
     losses = {"constant": float(np.mean((y - y.mean()) ** 2 if takes else y**2))}
@@ -123,18 +130,22 @@ def tried(seed: int) -> tuple[str, list[str]]:
     rng = np.random.default_rng([seed, 77])
     chain, name = model(rng)
     data, wrong = record(rng), []
-    began = time.process_time()
-    try:
-        fit = sysid.fit(chain, data, seed=seed, options=sysid.Options(max_seconds=BUDGET))
+    for _ in range(2):  # the second time kernels have been compiled, which no budget counts
+        began = time.process_time()
+        try:
+            fit = sysid.fit(chain, data, seed=seed, options=sysid.Options(max_seconds=BUDGET))
+            percent, refused = fit.fit_percent(data), ""
+        except sysid.InputError:
+            refused = " refused"
+        except Exception as e:  # every other error counts
+            return name, [f"untyped_errors {type(e).__name__}: {e}"]
         seconds = time.process_time() - began
-        percent = fit.fit_percent(data)
-    except sysid.InputError:
-        seconds = time.process_time() - began
-        return name + (" refused"), ["over_budget"] if seconds > BUDGET + GRACE else []
-    except Exception as e:  # every other error counts
-        return name, [f"untyped_errors {type(e).__name__}: {e}"]
-    if seconds > BUDGET + GRACE:
-        wrong.append("over_budget")
+        if seconds <= BUDGET + GRACE:
+            break
+    else:
+        wrong.append(f"over_budget {seconds:.1f} s")
+    if refused:
+        return name + refused, wrong
     if not np.all(np.isfinite(fit.theta)) or np.isnan(percent) or not np.isfinite(fit.criteria.mse):
         wrong.append("not_finite")
     try:
@@ -143,11 +154,12 @@ def tried(seed: int) -> tuple[str, list[str]]:
             losses = reference_losses(chain, data, seed)
     except Exception:
         losses = {}  # the reference itself fails where the fit does not
-    told = any("further from the output than" in text or "worse than the mean" in text for text in fit.warnings)
+    told = any(words in text for text in fit.warnings for words in TOLD)
     floor = 1e-20 * float(np.mean(data.y**2))  # both are exact
     for reference, loss in losses.items():
         if np.isfinite(loss) and fit.criteria.mse > LEAST * loss + floor:
-            wrong.append(f"worse_than_{reference} by {100.0 * (fit.criteria.mse / loss - 1.0):.2g} %" + told * ", told")
+            kind = f"worse_than_{reference}{'_told' * told}"
+            wrong.append(f"{kind} by {100.0 * (fit.criteria.mse / loss - 1.0):.2g} %")
     return name, wrong
 
 

@@ -1,19 +1,13 @@
 """Every log of the corpus is read with the right numbers, or refused with the right sentence."""
 
-from pathlib import Path
+from dataclasses import replace
 
-import numpy as np
 import pytest
-from corpus import LOGS, PARTS, Log, Refused
+from corpus import LOGS, PARTS, Refused, Right
+from corpus.judged import difference, judge, written
 
 from sysid.base.errors import InputError
 from sysid.workflow.record import read_record
-
-
-def written(entry: Log, folder: Path) -> Path:
-    for name, content in {**entry.beside, entry.file: entry.content}.items():
-        (folder / name).write_bytes(content)
-    return folder / entry.file
 
 
 @pytest.mark.parametrize(
@@ -39,12 +33,20 @@ def test_a_log_gives_the_right_numbers_or_the_right_sentence(entry, tmp_path):
             assert entry.answer.or_refused, said
         return
     assert not isinstance(entry.answer, Refused), "it was read"
-    assert record.data.Ts == pytest.approx(entry.answer.Ts, rel=1e-6)
-    for found, right in ((record.data.u, entry.answer.u), (record.data.y, entry.answer.y)):
-        assert found.shape == (len(right), 1)
-        np.testing.assert_allclose(found[:, 0], right, rtol=1e-9, atol=1e-12)
+    assert difference(record.data, entry.answer) == ""
 
 
 def test_the_corpus_is_large_and_no_name_stands_for_two_logs():
     assert len(LOGS) == sum(len(part.LOGS) for part in PARTS) >= 150
     assert all(len(entry.content) < 20_000 for entry in LOGS.values())
+
+
+def test_each_word_of_the_counts_is_told_from_the_others(tmp_path):
+    """A log with its own answer, with another one, and with the answer of a refused one in each other's place."""
+    right = next(e for e in LOGS.values() if isinstance(e.answer, Right) and not e.options and e.file == "a.csv")
+    refused = next(e for e in LOGS.values() if isinstance(e.answer, Refused) and e.file == "a.csv")
+    assert judge(right, tmp_path)[0] == "right"
+    assert judge(refused, tmp_path)[0] == "refused"
+    assert judge(replace(right, answer=refused.answer), tmp_path) == ("wrong", "it was read")
+    assert judge(replace(right, answer=Right(Ts=0.2)), tmp_path) == ("wrong", "Ts is 0.1, not 0.2")
+    assert judge(replace(right, options={"odd": 1}), tmp_path)[1].startswith("TypeError")

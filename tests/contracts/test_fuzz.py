@@ -1,4 +1,4 @@
-"""A few hundred damaged files of each kind, with fixed seeds; `scripts/fuzz.py` runs as many as one likes.
+"""A few hundred damaged files of each kind, with fixed seeds; `scripts/attacks.py` runs as many as one likes.
 
 Both run in a process of their own: forks of one that has threads would wait for ever.
 """
@@ -12,29 +12,51 @@ from pathlib import Path
 import pytest
 from fuzz.mutate import BYTES, damaged, other_values
 from fuzz.scripted import ENDS
-from fuzz.targets import SHARES, TARGETS
+from fuzz.targets import SIZES, TARGETS
 from often import FULL
 
 ROOT = Path(__file__).resolve().parents[2]
-CASES = 700 if FULL else 140
+SCALE = 0.01 if FULL else 0.002
 ENVIRONMENT = {**os.environ, "POLARS_MAX_THREADS": "1", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
 
 
-@pytest.fixture(scope="module")
-def counts():
-    command = [sys.executable, "scripts/fuzz.py", "--cases", str(CASES), "--seed", "7"]
+def attacks(out, *options):
+    command = [sys.executable, "scripts/attacks.py", "--seed", "7", "--out", str(out), *options]
     done = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stderr
-    return json.loads(done.stdout)
+    return json.loads(out.read_text()), done
+
+
+@pytest.fixture(scope="module")
+def counts(tmp_path_factory):
+    out = tmp_path_factory.mktemp("counts") / "counts.json"
+    return attacks(out, "--scale", str(SCALE), "--only", ",".join(TARGETS))[0]["classes"]
 
 
 @pytest.mark.parametrize("name", TARGETS)
 def test_damaged_files_give_right_numbers_or_a_sentence(counts, name):
-    found = counts[name]
-    assert found["cases"] == round(CASES * SHARES[name] / sum(SHARES.values()))
-    assert found["failed"] == 0, json.dumps(found["samples"], indent=1)
-    assert found["refused"] > 0.2 * found["cases"]  # the damage is felt
-    assert found["same"] + found["read"] > 0.05 * found["cases"]  # and not always deadly
+    found, ended = counts[name], counts[name]["ended"]
+    assert found["cases"] == max(1, round(SCALE * SIZES[name]))
+    assert found["bad"] == 0, json.dumps(found["samples"], indent=1)
+    assert ended["refused"] > 0.2 * found["cases"]  # the damage is felt
+    assert ended.get("same", 0) + ended.get("read", 0) > 0.05 * found["cases"]  # and not always deadly
+
+
+def test_a_run_goes_on_where_one_stopped_and_keeps_its_counts(tmp_path):
+    out, scale = tmp_path / "counts.json", ("--scale", "0.0001")
+    first, _ = attacks(out, *scale, "--only", "parameters")
+    first["classes"]["parameters"].update(bad=3, kinds={"nan": 3}, samples={"nan": ["case 1: x"]})
+    out.write_text(json.dumps(first))
+    second, done = attacks(out, *scale, "--only", "journals,parameters")
+    assert second["classes"]["parameters"] == first["classes"]["parameters"]
+    assert (second["bad"], second["cases"], done.returncode) == (3, 3, 1)
+    assert done.stderr == "journals ...\n"
+    assert "parameters: nan: 3\n    case 1: x" in done.stdout
+    before = out.read_text()
+    command = [sys.executable, "scripts/attacks.py", "--seed", "8", *scale, "--out", str(out)]
+    other = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (other.returncode, out.read_text()) == (1, before)
+    assert "give another --out, or delete it" in other.stderr
 
 
 def test_every_way_to_end_is_told_from_the_others(tmp_path):
@@ -58,7 +80,8 @@ print(json.dumps(run(Scripted(), range(len(ENDS)), 3, Path(sys.argv[1])).as_dict
         "warning RuntimeWarning": 1,
         "wrong number": 1,
     }
-    assert (found["cases"], found["same"], found["read"], found["refused"]) == (len(ENDS), 1, 1, 1)
+    assert (found["cases"], found["bad"]) == (len(ENDS), len(found["kinds"]))
+    assert {end: found["ended"][end] for end in ("same", "read", "refused")} == {"same": 1, "read": 1, "refused": 1}
     kept = {int(path.parent.name): path.read_text() for path in tmp_path.glob("*/file")}
     assert kept == {k: how for k, how in enumerate(ENDS) if how not in ("same", "read", "sentence")}
 

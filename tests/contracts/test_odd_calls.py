@@ -1,4 +1,4 @@
-"""Public calls with odd values: a sentence, or a result of finite numbers; `scripts/attack_calls.py` has them all."""
+"""Public calls with odd values: a sentence, or a result of finite numbers; `scripts/attack/calls.py` has them all."""
 
 import inspect
 from dataclasses import replace

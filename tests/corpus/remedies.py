@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from corpus._log import TS, Log
+from sysid.base.errors import InputError
+from sysid.workflow.record import read_record
 
 # Sentences that ask for another file or another recording: nothing that is done to this one helps.
 ANOTHER = (
@@ -17,6 +19,7 @@ ANOTHER = (
     "give every sample the same|never rises|give every row the same number|write all numbers with a decimal point|"
     "correct its quotes|write the numbers with a decimal point|name two of one length|give one number a cell"
 )
+MOST = 60  # remedies one after the other: no file of the corpus has more bad cells
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".log")  # which a person edits; a program writes the others again
 
 
@@ -56,6 +59,32 @@ def followed(attempt: Try, said: str) -> Iterator[Try]:
             changed = act(attempt, match, said)
             if changed is not None:
                 yield changed
+
+
+def said(attempt: Try, folder: Path) -> str:
+    """The refusal, without the folder; nothing for a record."""
+    path, options = attempt.arguments(folder)
+    try:
+        read_record(path, **options)
+    except InputError as error:
+        return str(error).replace(f"{folder}/", "")
+    return ""
+
+
+def dead_end(attempt: Try, sentence: str, folder: Path, before: frozenset[tuple[str, bytes]] = frozenset()) -> str:
+    """Where the remedies of a refusal end without a record, each followed in turn; nothing if all lead to one."""
+    before |= {(sentence, attempt.content)}
+    tries = list(followed(attempt, sentence))
+    by_program = Path(attempt.entry.file).suffix not in TEXTS
+    if not tries and not by_program and not re.search(ANOTHER, sentence):
+        return f"no remedy in: {sentence}"
+    for changed in tries:
+        following = said(changed, folder)
+        if following and ((following, changed.content) in before or len(before) > MOST):
+            return f"comes back: {following}"
+        if following and (end := dead_end(changed, following, folder, before)):
+            return end
+    return ""
 
 
 def _option(attempt: Try, **options: Any) -> Try:

@@ -1,1 +1,1 @@
-"""Mutation fuzzing of all that is read from files; `scripts/fuzz.py` runs it in full."""
+"""Mutation fuzzing of all that is read from files; `scripts/attacks.py` runs it in full."""
