@@ -22,6 +22,7 @@ NAME = JOINT + BENCH_LEG
 STIFF = {"solimp_friction": [0.9999, 0.9999, 0.001, 0.5, 2], "solref_friction": [0.002, 1]}
 
 
+@checked
 def pendulum(parameters: Parameters, mass: float, length: float, without: Collection[str] = ()) -> mujoco.MjModel:
     """A hinge with `mass` [kg] at `length` [m], hanging at angle 0, driven by the motor of `JOINT`.
 
@@ -160,6 +161,7 @@ def respond(
     )
 
 
+@checked
 def board(servo: Pendulum) -> tuple[mujoco.MjModel, np.ndarray]:
     """Model and user data of one pendulum."""
     p = servo.parameters()
@@ -169,6 +171,7 @@ def board(servo: Pendulum) -> tuple[mujoco.MjModel, np.ndarray]:
     return model, state
 
 
+@checked
 def at_rest(board: np.ndarray, servo: Pendulum, angle: float) -> np.ndarray:
     """The board with the load that has pressed the gears for long at `angle` [rad]."""
     state = board.copy()

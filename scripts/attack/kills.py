@@ -303,7 +303,8 @@ def attack(chosen: Any) -> Tally:
     pairs = [(name, number) for name in verbs for number in SIGNALS]
     each = -(-runs // len(pairs))  # moments
     places = [(*pair, (k + draw.random()) / each) for pair in pairs for k in range(each)]
-    places = [place for place in places if place in set(draw.sample(places, min(runs, len(places))))]
+    drawn = set(draw.sample(places, min(runs, len(places))))
+    places = [place for place in places if place in drawn]
     tally = Tally()
     with tempfile.TemporaryDirectory(prefix="kills-") as folder:
         template = Path(folder) / "given"

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry
@@ -14,6 +15,7 @@ def value(x, p):
     return x * (1.0 + p.bow * abs(x))
 
 
+@checked
 @dataclass(frozen=True)
 class BowedGain(Map):
     """y = x (1 + bow |x|): the gain is 1 at x = 0, and grows for a positive bow, alike for both signs."""

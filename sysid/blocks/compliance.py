@@ -6,6 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.symmetry import Symmetry
@@ -47,6 +48,7 @@ def step(s, x, p):
     return s.position
 
 
+@checked
 @dataclass(frozen=True)
 class Compliance(Recursion):
     """y'' + 2 damping omega y' + omega^2 y = omega^2 x: a link y on a spring behind its drive x; time in samples.

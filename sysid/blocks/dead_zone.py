@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry, diagonal
 from sysid.blocks._shape import Shape
@@ -23,6 +24,7 @@ def middle(lo: float, hi: float) -> float:
     return 0.0 if lo + margin < 0.0 < hi - margin else 0.5 * (lo + hi)
 
 
+@checked
 @dataclass(frozen=True)
 class DeadZone(Shape):
     """y = x - lower below `lower`, x - upper above `upper`, 0 between; two parameters.

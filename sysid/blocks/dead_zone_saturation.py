@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry, block_diagonal, diagonal
 from sysid.block.writing import Writer
@@ -20,6 +21,7 @@ def value(x, p):
     return 0.0
 
 
+@checked
 @dataclass(frozen=True)
 class DeadZoneSaturation(Shape):
     """Zero from `dead_lower` to `dead_upper`, slopes `gain_lower`, `gain_upper` outside, constant beyond saturation.

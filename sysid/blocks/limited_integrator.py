@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 from sysid.block.symmetry import Symmetry
@@ -20,6 +21,7 @@ def step(s, x, p):
     return y
 
 
+@checked
 @dataclass(frozen=True)
 class LimitedIntegrator(Recursion):
     """x_{t+1} = x_t + gain w_t, held between `lower` and `upper`; x_0 is estimated.

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from sysid.base.checks import checked
+from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
@@ -171,6 +171,8 @@ class Motor(Recursion):
             if self.stops not in STOPS:
                 raise unknown("kind of stops", self.stops, STOPS)
             object.__setattr__(self, "stops", STOPS[self.stops])
+        elif not isinstance(self.stops, bool | np.bool_):
+            raise InputError(f"stops is {short_text(self.stops)}; give True, False or one of {', '.join(STOPS)}")
         if self.sided and not self.stribeck:
             raise InputError("sided=True needs friction at rest; give stribeck=True or sided=False")
         if self.jams and not self.stops:

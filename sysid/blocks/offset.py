@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Block, Law, Slot
 from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry
@@ -15,6 +16,7 @@ def value(x, p):
     return x + p.y0
 
 
+@checked
 @dataclass(frozen=True)
 class Offset(Map):
     """y = x + y0; behind maps that cannot hold the offset of an output themselves, or behind a filter alone.

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Recursion
 
@@ -19,6 +20,7 @@ def step(s, x, p):
     return s.place
 
 
+@checked
 @dataclass(frozen=True)
 class Play(Recursion):
     """y is constant while x - width / 2 <= y <= x + width / 2 and moves with x at either side.

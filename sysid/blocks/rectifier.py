@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry
@@ -14,6 +15,7 @@ def value(x, p):
     return abs(x) + p.zero
 
 
+@checked
 @dataclass(frozen=True)
 class Rectifier(Map):
     """y = |x| + zero. The derivative at x = 0 is 0."""

@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import Symmetry, diagonal
 from sysid.blocks._shape import Shape
@@ -14,6 +15,7 @@ def value(x, p):
     return min(max(x, p.lower), p.upper)
 
 
+@checked
 @dataclass(frozen=True)
 class Saturation(Shape):
     """y = min(max(x, lower), upper); two parameters, slope one between them.

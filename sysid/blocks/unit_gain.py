@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from sysid.base.checks import checked
 from sysid.block.block import Law, Slot
 from sysid.block.compiler.recursion import Map
 from sysid.block.symmetry import Symmetry
@@ -14,6 +15,7 @@ def value(x, p):
     return x
 
 
+@checked
 @dataclass(frozen=True)
 class UnitGain(Map):
     """y = x; removes the map from a Hammerstein-Wiener chain."""

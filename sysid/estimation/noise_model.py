@@ -49,6 +49,10 @@ class NoiseModel:
 
     def level(self, V: np.ndarray, lengths: Sequence[int]) -> float:
         """The variance of white noise that gives V'e of V (N, r) the variance that this noise gives it."""
+        largest = float(np.abs(V).max(initial=0.0))
+        if largest == 0.0:
+            return self.variance  # no noise comes through
+        V = V / largest  # whose squares may be too small for numbers
         size = sum(float(np.sum(rows**2)) for rows in self.gathered(V, lengths))
         return self.variance * size / float(np.sum(V**2))
 

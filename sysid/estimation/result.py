@@ -199,6 +199,7 @@ class Fit(FitMethods):
         """
         return divergence(self.runs(data, n_init), self.remedy)
 
+    @checked
     def runs(self, data: IOData, n_init: int | None = None) -> list[FreeRun]:
         """The free run of each experiment, counted from the fit's own offsets."""
         return [self._run(e, n_init) for e in self.own_level(data).experiments]

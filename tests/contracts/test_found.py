@@ -10,6 +10,7 @@ import pytest
 
 import sysid
 from sysid.base.errors import InputError
+from sysid.estimation.noise_model import NoiseModel
 
 SAVED = Path(__file__).resolve().parents[1] / "saved" / "v1"
 NETWORK = "../../fuzz/nlarx"
@@ -101,15 +102,32 @@ def test_a_start_of_two_filters_of_which_one_has_no_pole(nf, nf2):
     assert sysid.fit(chain, data, starts=2).fit_percent(data) > 80.0
 
 
-def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence(monkeypatch):
-    """Warnings are errors in tests: the bounded least squares of its start multiplied zero by infinity."""
+@pytest.fixture
+def random_fits(monkeypatch):
     scripts = Path(__file__).parents[2] / "scripts"
     monkeypatch.syspath_prepend(scripts)
     place = scripts / "studies" / "random_fits.py"
     spec = importlib.util.spec_from_file_location("random_fits", place)
     script = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(script)
-    name, wrong = script.tried(50117)
+    return script
+
+
+def test_a_map_that_the_record_does_not_reach_takes_no_errors_for_its_own(random_fits):
+    """Its part of the Jacobian is zero, and so was a sum of squares by which the level of the noise was divided."""
+    noise = NoiseModel(np.array([1.0, -0.5]), 0.01)
+    assert noise.level(np.zeros((9, 2)), [9]) == 0.01
+    V = np.arange(18.0).reshape(9, 2)
+    assert noise.level(1e-200 * V, [9]) == pytest.approx(noise.level(V, [9]))
+    rng = np.random.default_rng([2136, 77])
+    chain, data = random_fits.model(rng)[0], random_fits.record(rng)
+    fit = sysid.fit(chain, data.select(0, int(0.6 * data.N)), seed=2136)
+    assert np.isfinite(fit.theta).all()
+
+
+def test_a_motor_profile_in_far_apart_units_ends_in_a_sentence(random_fits):
+    """Warnings are errors in tests: the bounded least squares of its start multiplied zero by infinity."""
+    name, wrong = random_fits.tried(50117)
     assert name.endswith("refused")
     assert wrong == []
 

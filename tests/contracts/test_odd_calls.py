@@ -96,8 +96,15 @@ ODD = {
     "an empty space": (lambda: Space(nb=()), "the search space has no nb; name at least one"),
     "a role that is no text": (
         lambda: sysid.Chain((sysid.blocks.DeadZone(role=0.5),)),
-        "role of a DeadZone is 0.5; give a text",
+        "role is 0.5; give a text",
     ),
+    "a role of inf": (lambda: sysid.blocks.Rectifier(role=-np.inf), "role is -inf; give a text"),
+    "stops of an array": (
+        lambda: sysid.blocks.ServoMotor(stops=np.full(3, np.nan)),
+        "stops is an array .*; give True, False or one of",
+    ),
+    "a run from a type": (lambda: sysid.fit(MODEL, DATA, starts=1).runs(DATA, n_init=int), "n_init is .*; give"),
+    "a mass of a table": (lambda: twin.pendulum.pendulum(twin.Parameters(), {}, 0.1), "mass is {}; give a"),
     "an offset of 1e30": (
         lambda: sysid.excitations.Aprbs(offset=10**30),
         r"offset of an aprbs is 1e\+30; give a number up to 1e\+12",
