@@ -66,19 +66,15 @@ def fits(chosen: Chosen) -> Tally:
     return tally
 
 
-def of(name: str) -> Callable[[Chosen], Tally]:
+def of_module(name: str, chosen: Chosen) -> Tally:
     """The class in `scripts/attack/NAME.py`."""
-    return partial(_of, name)
-
-
-def _of(name: str, chosen: Chosen) -> Tally:
     return importlib.import_module(f"attack.{name}").attack(chosen)
 
 
 FILES = ("logs", "binaries", "models", "journals", "parameters", "sessions")
 OTHERS = ("kills", "clients", "methods", "calls", "text", "numbers", "environments", "soak")
 CLASSES: dict[str, Callable[[Chosen], Tally]] = {name: partial(damaged, name) for name in FILES}
-CLASSES |= {"fits": fits} | {name: of(name) for name in OTHERS}
+CLASSES |= {"fits": fits} | {name: partial(of_module, name) for name in OTHERS}
 
 
 def counted(name: str, chosen: Chosen) -> dict[str, Any]:
@@ -96,9 +92,8 @@ def apart(name: str, chosen: Chosen) -> dict[str, Any]:
             return pool.submit(counted, name, chosen).result()
         except Exception as error:
             tally = Tally()
-            tally.case(
-                "ended", [(f"the class ended: {type(error).__name__}", "".join(traceback.format_exception(error)))]
-            )
+            said = "".join(traceback.format_exception(error))
+            tally.case("ended", [(f"the class ended: {type(error).__name__}", said[-600:])])
             return tally.as_dict()
 
 
@@ -106,11 +101,14 @@ def known(out: Path | None, chosen: dict[str, Any]) -> dict[str, Any]:
     """The counts that a former run with the same options has written; raises SystemExit for other options."""
     if out is None or not out.exists():
         return {}
-    former = json.loads(out.read_text(encoding="utf-8"))
-    if any(former.get(name) != value for name, value in chosen.items()):
-        options = {name: former.get(name) for name in chosen}
+    try:
+        former = json.loads(out.read_text(encoding="utf-8"))
+        options, classes = {name: former[name] for name in chosen}, former["classes"]
+    except (ValueError, KeyError, TypeError):
+        raise SystemExit(f"{out} is no file of counts; give another --out") from None
+    if options != chosen:
         raise SystemExit(f"{out} has the counts of {options}; give another --out, or delete it")
-    return former["classes"]
+    return classes
 
 
 def total(classes: dict[str, Any], chosen: dict[str, Any]) -> dict[str, Any]:

@@ -57,6 +57,9 @@ def test_a_run_goes_on_where_one_stopped_and_keeps_its_counts(tmp_path):
     other = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
     assert (other.returncode, out.read_text()) == (1, before)
     assert "give another --out, or delete it" in other.stderr
+    out.write_text("[1]")
+    other = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, check=False)
+    assert (other.returncode, other.stderr) == (1, f"{out} is no file of counts; give another --out\n")
 
 
 def test_every_way_to_end_is_told_from_the_others(tmp_path):
