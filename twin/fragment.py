@@ -77,9 +77,9 @@ def rollout(fragment: Fragment, u: np.ndarray, Ts: float) -> np.ndarray:
 def put_into(fragment: Fragment, source: Path) -> str:
     """The MJCF at `source` with the fragment in place of the properties of its hinge `fragment.joint`, as text.
 
-    The joint keeps its name, place and axis. Its own friction, damping, spring, armature and range are replaced, its
-    actuators are removed. Raises InputError for a file that MuJoCo does not load, before or after, and for another kind
-    of joint.
+    The joint keeps its name, place and axis. Its own friction, damping, spring, armature and range are replaced, and
+    the motor takes the place of its actuators. Keyframes keep every angle; the new motor has 0 V. Raises InputError
+    for a file that MuJoCo does not load, before or after, and for another kind of joint.
     """
     root = _parse(source)
     body, hinge = _hinge(root, fragment.joint, source)
@@ -93,7 +93,8 @@ def put_into(fragment: Fragment, source: Path) -> str:
         new.attrib = {**new.attrib, **(place if k == 0 else {}), **axis}
         body.insert(index + k, new)
     _refuse_constraints(root, fragment.joint, source)
-    motor = _take_out_actuators(root, fragment.joint)
+    _keep_keyframes(root, mujoco.MjModel.from_xml_path(str(source)), fragment)
+    motor, actuators, at = _take_out_actuators(root, fragment.joint)
     if fragment.rotor:
         _section(root, "worldbody").append(_element(fragment.rotor))
     for name in SECTIONS:
@@ -101,6 +102,8 @@ def put_into(fragment: Fragment, source: Path) -> str:
             new = _element(content)
             if name == "actuator":
                 new.set("name", motor)
+                actuators.insert(at, new)
+                continue
             if name == "equality":
                 _from_zero(new, float(place.get("ref", 0.0)) * (np.pi / 180.0 if degrees else 1.0))
             _section(root, name).append(new)
@@ -129,18 +132,45 @@ def _refuse_constraints(root: ET.Element, joint: str, source: Path) -> None:
                 )
 
 
-def _take_out_actuators(root: ET.Element, joint: str) -> str:
-    """Remove the joint's actuators; the name for its motor, which is that of a single one, so that sensors find it."""
+def _take_out_actuators(root: ET.Element, joint: str) -> tuple[str, ET.Element, int]:
+    """Remove the joint's actuators; the name for its motor, and the section and the place in it of the first of them.
+
+    The name is that of a single one, so that sensors find it; the place is the end where there is none.
+    """
     actuators = [
         (section, element)
         for section in root.findall("actuator")
         for element in section
         if element.get("joint") == joint
     ]
-    for section, element in actuators:
-        section.remove(element)
+    section = actuators[0][0] if actuators else _section(root, "actuator")
+    at = list(section).index(actuators[0][1]) if actuators else len(section)
+    for holder, element in actuators:
+        holder.remove(element)
     names = [element.get("name", "") for _, element in actuators]
-    return names[0] if len(names) == 1 and names[0] else joint
+    return names[0] if len(names) == 1 and names[0] else joint, section, at
+
+
+def _keep_keyframes(root: ET.Element, model: mujoco.MjModel, fragment: Fragment) -> None:
+    """Keyframes of the model with zeros for the joints that the fragment adds, and 0 V for its motor.
+
+    Its rotor hangs on the world, behind all other joints, and begins where the fragment does.
+    """
+    joint, added = model.joint(fragment.joint), ["0"] * (len(fragment.joints) - 1)
+    rotor = _element(fragment.rotor).iter("joint") if fragment.rotor else ()
+    begins = [f"{fragment.start.get(each.get('name', ''), 0.0):.9g}" for each in rotor]
+    own = [k for k in range(model.nu) if model.actuator(k).trntype == 0 and model.actuator(k).trnid[0] == joint.id]
+    for key in root.findall("keyframe/key"):
+        for name, at, size in (("qpos", joint.qposadr[0], model.nq), ("qvel", joint.dofadr[0], model.nv)):
+            values = key.get(name, "").split()
+            if len(values) == size:
+                last = begins if name == "qpos" else ["0"] * len(begins)
+                key.set(name, " ".join([*values[: at + 1], *added, *values[at + 1 :], *last]))
+        values = key.get("ctrl", "").split()
+        if len(values) == model.nu:
+            first = own[0] if own else model.nu
+            rest = [value for k, value in enumerate(values) if k not in own]
+            key.set("ctrl", " ".join([*rest[:first], "0", *rest[first:]]))
 
 
 def _from_zero(equality: ET.Element, ref: float) -> None:

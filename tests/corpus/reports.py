@@ -172,7 +172,6 @@ def servo() -> None:
 
 # What is not right yet.
 FAILS = {
-    "arm": "the actuator that takes the place of another one goes to the end of the list",
     "drive": "99.8 % on the estimation data and 94.8 % on the validation data, at twice the voltage",
     "drive_reversed": "99.8 % on the estimation data and 95.4 % on the validation data, at twice the voltage",
 }

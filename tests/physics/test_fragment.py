@@ -160,6 +160,7 @@ MODEL = """<mujoco>
         <geom size="0.05" mass="0.2"/></body></body>
   </worldbody>
   <actuator><motor name="old" joint="knee"/><motor name="hip" joint="hip"/></actuator>
+  <keyframe><key name="home" qpos="0.3 -0.4" qvel="1 2" ctrl="5 6"/></keyframe>
 </mujoco>"""
 
 
@@ -179,7 +180,11 @@ def test_joint_of_a_model_of_others(tmp_path, play):
     assert (knee.damping[0], knee.armature[0], knee.stiffness[0]) == (0.0, 0.0, 0.0)
     assert knee.frictionloss[0] == pytest.approx(2.0 * 1.5 * (0.95 if play else 1.0))
     np.testing.assert_array_equal(after.joint("hip").range, before.joint("hip").range)
-    assert [after.actuator(k).name for k in range(after.nu)] == ["hip", "old"]  # sensors of the old motor find it
+    assert [after.actuator(k).name for k in range(after.nu)] == ["old", "hip"]  # sensors of the old motor find it
+    for name, value, speed in (("hip", 0.3, 1.0), ("knee", -0.4, 2.0), ("knee_play", 0.0, 0.0))[: after.njnt]:
+        assert after.key_qpos[0][after.joint(name).qposadr[0]] == value
+        assert after.key_qvel[0][after.joint(name).dofadr[0]] == speed
+    assert list(after.key_ctrl[0]) == [0.0, 6.0]
     assert after.njnt == before.njnt + (play is not False)
     assert "somebody's robot" in text
 
@@ -194,6 +199,9 @@ def test_linkage_of_a_model_of_others(tmp_path, identified):
     mujoco.mj_step(model, data, 200)
     ends = [p.value for p in fit.parameters if p.name in ("map.low", "map.high")]
     assert data.joint("knee").qpos[0] == pytest.approx(np.clip(0.0, *ends), abs=0.02)
+    places = [model.joint(name).qposadr[0] for name in ("hip", "knee")]
+    assert list(model.key_qpos[0][places]) == [0.3, -0.4]
+    assert len(np.flatnonzero(model.key_qvel[0])) == 2
 
 
 DEFAULTS = [
