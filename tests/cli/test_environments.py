@@ -40,6 +40,14 @@ def test_a_number_that_differs_is_told(script, tmp_path):
     assert script["differences"](tmp_path / "b", tmp_path / "a") == ["summary.json is missing", "x.png has other bytes"]
 
 
+def test_no_verb_starts_the_processes_of_a_library_that_opens_windows(tmp_path):
+    code = "import os, sys; from twin.cli import main; print(main(['simulate', '--duration', '1', '--out', 'x']))\n"
+    code += "print('mujoco' in sys.modules, 'glfw' in sys.modules, 'MUJOCO_GL' in os.environ)"
+    variables = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
+    done = subprocess.run([sys.executable, "-c", code], env=variables, cwd=tmp_path, capture_output=True, text=True)
+    assert done.stdout.endswith("0\nTrue False False\n"), done.stderr
+
+
 @pytest.mark.parametrize("mebibytes", [256, 1024, environment.LEAST - 1])
 def test_too_little_address_space_is_a_sentence_at_once(mebibytes):
     code = f"import resource, sys; resource.setrlimit(resource.RLIMIT_AS, ({mebibytes << 20},) * 2)\n"
@@ -96,7 +104,7 @@ def test_what_is_well_set_stays(monkeypatch):
         monkeypatch.setenv(name, value)
         with environment.within_reason():
             assert os.environ[name] == value
-            assert "MUJOCO_GL" not in os.environ
+        assert "MUJOCO_GL" not in os.environ
 
 
 def test_what_a_library_dies_of_is_left_out(monkeypatch):

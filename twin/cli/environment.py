@@ -15,9 +15,11 @@ from typing import Any
 LEAST = 2048  # [MiB] of address space; below it a library's own threads cannot start, and it aborts or waits for ever
 THREADS = 8  # that a small machine's libraries start
 EPOCH = "SOURCE_DATE_EPOCH"  # NumPy takes it for a number while it loads
-# MuJoCo reads the first while it loads; what draws the robot is a process of its own, which gets its own value. The
-# second is for who tests a library: no result may die of a warning, in a worker neither.
-CHANGED = {"MUJOCO_GL": "disable", "PYTHONWARNINGS": "default"}
+# MuJoCo reads it while it loads, and without it loads GLFW, which starts a process to look at its library, and that one
+# tells a traceback where the verb is killed meanwhile. What draws the robot is another process, with its own value.
+ALWAYS = {"MUJOCO_GL": "disable"}
+# For who tests a library: no result may die of a warning, in a worker neither.
+CHANGED = {"PYTHONWARNINGS": "default"}
 # The libraries end in an error or abort where these are anything else; a verb then runs without them.
 COUNT, SWITCH = r"[1-9]\d{0,2}", r"[01]"
 UNDERSTOOD = {
@@ -37,8 +39,8 @@ _QUIET = (DeprecationWarning, PendingDeprecationWarning, ImportWarning, Resource
 @contextmanager
 def within_reason() -> Iterator[None]:
     """A verb runs within it; variables and filters of warnings are as before when it ends."""
-    former = {name: os.environ[name] for name in CHANGED if name in os.environ}
-    os.environ.update({name: CHANGED[name] for name in former})
+    former = {name: os.environ[name] for name in (*ALWAYS, *CHANGED) if name in os.environ}
+    os.environ.update(ALWAYS | {name: value for name, value in CHANGED.items() if name in former})
     for name, pattern in UNDERSTOOD.items():
         if not re.fullmatch(pattern, os.environ.get(name, ""), re.ASCII) and name in os.environ:
             former[name] = os.environ.pop(name)
@@ -52,6 +54,8 @@ def within_reason() -> Iterator[None]:
                     warnings.simplefilter("ignore", category)
             yield
     finally:
+        for name in ALWAYS:
+            os.environ.pop(name, None)
         os.environ.update(former)
 
 
