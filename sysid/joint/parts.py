@@ -25,7 +25,7 @@ from sysid.joint.transfer import joint_information
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 
-_STRONG = 20.0  # odds
+STRONG = 20.0  # odds
 _SEARCHES = 12  # of a few iterations each
 _HOPE = 0.1  # of what strong odds have too much, that a search must bring to be worth a next one
 WORDS: dict[type, dict[str, str]] = {
@@ -65,7 +65,7 @@ class PartEvidence:
 
     @property
     def verdict(self) -> str:
-        return "shown" if self.odds > _STRONG else "absent" if self.odds * _STRONG < 1.0 else "open"
+        return "shown" if self.odds > STRONG else "absent" if self.odds * STRONG < 1.0 else "open"
 
     def as_dict(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -82,26 +82,36 @@ def parts_of(fit: Fit, data: IOData) -> tuple[PartEvidence, ...]:
     chain, info = fit.model, joint_information(fit, data)
     heights = _Heights(fit, data, info.cov[np.ix_(info.own, info.own)])
     usual, deviations = usual_values(chain, units_of(chain, fit.theta, data)), info.std_of_fit
+    units = {f"{block.role}.{slot.name}": slot.unit for block in chain.blocks for slot in block.slots()}
     found = []
+    for name, words in words_of(chain).items():
+        if name not in usual:
+            continue
+        if way_up(chain, fit.theta) < 0 and words.endswith("ward"):
+            words = f"{words.rsplit(' ', 1)[0]} {'downward' if words.endswith('upward') else 'upward'}"
+        k = chain.names.index(name)
+        normals = float(fit.theta[k]), float(deviations(np.eye(len(chain.names))[k])), *usual[name]
+        odds = _odds(*normals)
+        if odds > STRONG:
+            odds = min(odds, max(1.0, heights.odds_against(name, 0.0)))
+        elif odds * STRONG < 1.0:
+            usual_sizes = {usual[name][0], sum(usual[name])} - {0.0}
+            odds = max(odds, *(min(1.0, 1.0 / heights.odds_against(name, size)) for size in usual_sizes))
+        found.append(PartEvidence(name, words, units[name], *normals, odds))
+    return tuple(found)
+
+
+def words_of(chain: Chain) -> dict[str, str]:
+    """What the parts of a joint are called, by the names of the parameters that are zero without them."""
+    found = {}
     for block in chain.blocks:
         for slot in block.slots():
-            name, words = f"{block.role}.{slot.name}", known_of(block, slot.name, WORDS)
+            words = known_of(block, slot.name, WORDS)
             if isinstance(block, Motor):
                 words = next((TABLE[p].words for p in block.further if TABLE[p].shown == slot.name), words)
-            if words is None or name not in usual:
-                continue
-            if way_up(chain, fit.theta) < 0 and words.endswith("ward"):
-                words = f"{words.rsplit(' ', 1)[0]} {'downward' if words.endswith('upward') else 'upward'}"
-            k = chain.names.index(name)
-            normals = float(fit.theta[k]), float(deviations(np.eye(len(chain.names))[k])), *usual[name]
-            odds = _odds(*normals)
-            if odds > _STRONG:
-                odds = min(odds, max(1.0, heights.odds_against(name, 0.0)))
-            elif odds * _STRONG < 1.0:
-                usual_sizes = {usual[name][0], sum(usual[name])} - {0.0}
-                odds = max(odds, *(min(1.0, 1.0 / heights.odds_against(name, size)) for size in usual_sizes))
-            found.append(PartEvidence(name, words, slot.unit, *normals, odds))
-    return tuple(found)
+            if words is not None:
+                found[f"{block.role}.{slot.name}"] = words
+    return found
 
 
 class _Heights:
@@ -132,7 +142,7 @@ class _Heights:
             ends = [self._searched(held, np.clip(fit.theta + way, *held.limits)) for way in (change, moved)]
             theta, fall = min(ends, key=lambda end: end[1])
             for _ in range(_SEARCHES):  # until the odds are not strong, or cannot become so any more
-                excess, before = fall - np.log(_STRONG), fall
+                excess, before = fall - np.log(STRONG), fall
                 theta, fall = self._searched(held, theta) if excess > 0.0 else (theta, fall)
                 if before - fall <= _HOPE * excess:
                     break

@@ -28,6 +28,7 @@ from sysid.joint.ends import choose_ends, present_ends, straight_for
 from sysid.joint.evidence import stop_tests
 from sysid.joint.full import PARTS, at_rest, best_points, colour_level, full_joint, is_plain
 from sysid.joint.holdout import holdout_errors, holdout_folds
+from sysid.joint.occam import log_odds_of_parts
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
@@ -54,8 +55,9 @@ class JointFit(Shown):
     `ends`: the end stops of the model ("none", "straight", "lower", "upper", "both"; see `sysid.joint.ends`); `unmet`
     are those, "end_low" and "end_high", at which the joint never rests in the record. `parts`: each part beside what is
     usual (see `sysid.joint.parts`). `agreed` of `tried` searches from independent starts came to this joint;
-    `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `warnings` are sentences
-    for a report; `stopped` is the one of them that says what the time left out, empty if nothing.
+    `unseen_percent` is its free-run fit [%] on parts of the record that it was not fitted to. `log_odds` are those of
+    the joint with all parts against the plain one; below 0 the fit is the plain one (`sysid.joint.occam`). `warnings`
+    are sentences for a report; `stopped` is the one of them that says what the time left out, empty if nothing.
     """
 
     fit: Fit
@@ -65,6 +67,7 @@ class JointFit(Shown):
     tried: int = 1
     unseen_percent: float = float("nan")
     unmet: tuple[str, ...] = ()
+    log_odds: float = 0.0
     warnings: tuple[str, ...] = field(default=())
     stopped: str = ""
 
@@ -81,6 +84,11 @@ class JointFit(Shown):
         sentences = [f"The record shows {_listed(shown)}." if shown else ""]
         sentences += [f"It shows that there is {_listed([f'no {words}' for words in absent])}." if absent else ""]
         sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
+        if self.log_odds < 0.0:
+            odds = np.exp(min(-self.log_odds, np.log(1e6)))
+            sentences.append(
+                f"A joint without these parts is likelier, by odds of {odds:.2g} to 1, and the model is that."
+            )
         if self.ends != "both" and not self.unmet:
             sentences.append(f"The record shows {ENDS_IN_WORDS[self.ends]}.")
         if self.unmet:
@@ -99,6 +107,7 @@ class JointFit(Shown):
         return {
             "ends": self.ends,
             "unmet": list(self.unmet),
+            "log_odds": self.log_odds,
             "parts": [part.as_dict() for part in self.parts],
             "agreed": self.agreed,
             "tried": self.tried,
@@ -150,13 +159,14 @@ def fit_joint(
         which, plain_fit = _plain_joint(chain, rough, starts, "turns" in names, options, timed, clock)
         search_all = _Search(plain_fit, rough, data, k, names, timed)
         found = clock.within("its parts were searched", search_all.best, None)
-        fit, agreed, tried = (_at_rate(plain_fit, data, k, options), 1, 1) if found is None else found
+        full, agreed, tried = (_at_rate(plain_fit, data, k, options), 1, 1) if found is None else found
+        fit, odds = (full, 0.0) if found is None else search_all.likelier(full)
         fit.remember(data)
         pair = holdout_folds(data)
         unseen = holdout_errors(fit.model, fit.theta, pair, fit.prior).percent if pair else float("nan")
-        shown = parts_of(fit, data)
+        shown = parts_of(full, data)
         unmet = _unmet_ends(fit, data)
-    result = JointFit(fit, which, shown, agreed, tried, unseen, unmet, stopped=clock.sentence())
+    result = JointFit(fit, which, shown, agreed, tried, unseen, unmet, odds, stopped=clock.sentence())
     return replace(result, warnings=tuple(_warnings(result, data)))
 
 
@@ -237,6 +247,18 @@ class _Search:
         heights = 0.5 * count / ends.criteria.mse * (np.array(ends.losses) - min(ends.losses))
         fit = _at_rate(fit, data, 1, self.options, joint_objective(fit.model, units, colour_level(fit, data)))
         return fit, int(np.sum(heights <= _SAME)), len(heights)
+
+    def likelier(self, full: Fit) -> tuple[Fit, float]:
+        """The joint with all parts, or the plain one where that is likelier, and the logarithm of the odds."""
+        level, at_rate = colour_level(full, self.data), chain_at_rate(self.plain.model, self.k)
+        begins = {name: value for name, value in at_rate.fixed.items() if not name.endswith(".v0")}  # as the full one
+        at_rate = replace(at_rate, fixed=begins)
+        start = theta_at_rate(self.plain.model, self.plain.theta, self.k)
+        objective = joint_objective(at_rate, units_of(at_rate, start, self.data), level)
+        points = np.array([start, lift_theta(full.model, full.theta, at_rate, {})])
+        plain = fit_chain(at_rate, self.data, start=points, objective=objective, **self.options)
+        odds = log_odds_of_parts(full, plain, self.data, level)
+        return (plain if odds < 0.0 else full), odds
 
     def _round(self, chain: Chain, points: np.ndarray, data: IOData, units: dict[str, float], level: float) -> Fit:
         """The fit from the best of these points."""

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import pytest
 from corpus.found import LOGS
-from corpus.reports import FAILS, REPORTS, judge
+from corpus.reports import REPORTS, judge
 
 QUICK = ("delay", "union", "joined_clock", "sign_bit", "episodes", "wheel")  # others fit larger structures
 
 
 def marks(name):
-    if name in FAILS:
-        yield pytest.mark.xfail(strict=True, reason=FAILS[name])
     if name not in QUICK:
         yield pytest.mark.nightly
 

@@ -171,10 +171,6 @@ def servo() -> None:
 
 
 # What is not right yet.
-FAILS = {
-    "drive": "99.8 % on the estimation data and 94.8 % on the validation data, at twice the voltage",
-    "drive_reversed": "99.8 % on the estimation data and 95.4 % on the validation data, at twice the voltage",
-}
 REPORTS: dict[str, Callable[[], None]] = {
     each.__name__: each
     for each in (
