@@ -2,8 +2,8 @@
 
     python scripts/study.py plain_joints [--seeds 0:24] [--kinds drive,loaded,leg]
 
-A drive is a motor behind dry friction in Euler steps that are written here, with another load in every loaded one; it is
-fitted to half of a record of drawn levels and judged on the other half. A leg is drawn with all its imperfections,
+A drive is a motor behind dry friction in Euler steps that are written here, with another load in every loaded one; it
+is fitted to half of a record of drawn levels and judged on the other half. A leg is drawn with all its imperfections,
 fitted to a sweep and judged on stairs.
 """
 
