@@ -85,9 +85,10 @@ class JointFit(Shown):
         sentences += [f"It shows that there is {_listed([f'no {words}' for words in absent])}." if absent else ""]
         sentences += [f"It leaves open {_listed(open_)}." if open_ else ""]
         if self.log_odds < 0.0:
-            odds = np.exp(min(-self.log_odds, np.log(1e6)))
+            odds = np.exp(min(-self.log_odds, np.log(1e5)))
+            odds = round(odds, -max(int(np.log10(odds)) - 1, 0))
             sentences.append(
-                f"A joint without these parts is likelier, by odds of {odds:.2g} to 1, and the model is that."
+                f"A joint without these parts is likelier, by odds of {odds:,.0f} to 1, and the model is that."
             )
         if self.ends != "both" and not self.unmet:
             sentences.append(f"The record shows {ENDS_IN_WORDS[self.ends]}.")
