@@ -57,6 +57,8 @@ def test_identify_shows_what_most_need_and_the_options_of_a_structure_with_it(ca
     assert len(first) <= 15
     for words in (["--structure", "servo_joint"], ["--structure=servo-joint"]):
         assert {"--loop", "--kp", "--ki"} <= shown(*words) - first
+    assert main(["identify", "--structure", "servo_joint", "--help"]) == 0
+    assert "an actuated joint" not in capsys.readouterr().out.partition("--orders")[2]
     assert "--driver-step" not in shown("--structure", "servo_joint")
     assert "--driver-step" in shown("--structure", "actuated_joint")
     assert shown("--structure", "no_such") == first

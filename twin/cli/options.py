@@ -4,6 +4,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -266,9 +267,9 @@ _PLACE = re.compile(r"[\[{]?(FILE|DIR|LOG|MODEL|TABLE|BASE)\b")  # how a file or
 ALL = "--help-all"
 
 
-def shows(*names: str, more: Callable[[list[str]], Iterable[str]] = lambda words: ()) -> Callable[..., Any]:
-    """Decorator of a verb whose help shows the options `names`, and those that `more` gives for the words given;
-    --help-all shows all."""
+def shows(*names: str, more: Callable[[list[str]], Mapping[str, Any]] = lambda words: {}) -> Callable[..., Any]:
+    """Decorator of a verb whose help shows the options `names`, and those that `more` gives for the words given, as it
+    describes them; --help-all shows all."""
 
     def mark(verb: Any) -> Any:
         verb.shown, verb.more = names, more
@@ -285,7 +286,7 @@ class Verb(TyperCommand):
         if names and ALL in args:
             args = ["--help"]
         elif names:
-            ctx.meta[ALL] = {*names, "help", *self.callback.more(args)}  # type: ignore[union-attr]
+            ctx.meta[ALL] = dict.fromkeys((*names, "help")) | self.callback.more(args)  # type: ignore[union-attr]
         _, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
         for parameter in order:
             once = parameter.param_type_name == "option" and not (
@@ -299,11 +300,14 @@ class Verb(TyperCommand):
         return super().parse_args(ctx, args)
 
     def format_options(self, ctx: Any, formatter: Any) -> None:
-        params, names = self.params, ctx.meta.get(ALL)
-        if names is None:
+        params, shown = self.params, ctx.meta.get(ALL)
+        if shown is None:
             return super().format_options(ctx, formatter)
         try:
-            self.params = [p for p in params if p.param_type_name == "argument" or p.name in names]
+            self.params = [copy(p) for p in params if p.param_type_name == "argument" or p.name in shown]
+            for p in self.params:
+                if own := shown.get(p.name):
+                    p.help, p.metavar = own.help, own.metavar  # type: ignore[attr-defined]
             super().format_options(ctx, formatter)
         finally:
             self.params = params

@@ -62,15 +62,20 @@ def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None
     return kind(**settings)
 
 
-def settings_of(words: list[str]) -> list[str]:
-    """The settings of the structure that the words of a command name; none where they name none."""
-    texts = [
-        text.partition("=")[2] or after
-        for text, after in zip(words, [*words[1:], ""], strict=True)
-        if text.partition("=")[0] == "--structure"
-    ]
+def settings_of(words: list[str]) -> dict[str, Any]:
+    """The options of the structure that the words of a command name, as it describes them; none of no structure."""
+    following = [*words[1:], ""]
+    texts = [word.partition("=")[2] or after for word, after in zip(words, following, strict=True) if _names_one(word)]
     kind = TABLE.get(texts[-1].replace("-", "_")) if texts else None
-    return _names(kind) if kind is not None else []
+    if kind is None:
+        return {}
+    names = _names(kind)
+    own = {name: _orders([kind]) if name == ORDERS else _annotation([kind.options()[name]]) for name in names}
+    return {name: annotation.__metadata__[0] for name, annotation in own.items()}
+
+
+def _names_one(word: str) -> bool:
+    return word.partition("=")[0] == "--structure"
 
 
 def refuse_settings(values: Mapping[str, Any], structure: str) -> None:
