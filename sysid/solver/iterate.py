@@ -260,10 +260,11 @@ def iterate(
         )
         if progress is not None:
             progress(iteration + 1, cost / lin.N)
-        if stalled(history):
+        still = min(_STILL, options.tolerance / 100.0)  # who asks for more digits waits for them
+        if stalled(history, still):
             # Kinks of a map can prevent the expected improvement; a loss that no longer falls ends the search too.
             converged = improvement <= SMALL
-            reason = f"the loss fell by less than {100 * _STILL:g} % over the last {_STALL} iterations"
+            reason = f"the loss fell by less than {100 * still:g} % over the last {_STALL} iterations"
             if not converged:
                 reason += f", although {improvement:.2g} % was still expected: a kink of a map or a bound is in the way"
             break
@@ -286,8 +287,8 @@ def _rounded_start(
 _STALL, _STILL = 4, 1e-5
 
 
-def stalled(history: list[dict[str, Any]]) -> bool:
-    """True if the last few steps together changed almost nothing."""
+def stalled(history: list[dict[str, Any]], still: float = _STILL) -> bool:
+    """True if the last few steps together lowered the loss by less than the share `still`."""
     if len(history) <= _STALL:
         return False
-    return history[-_STALL - 1]["loss"] - history[-1]["loss"] < _STILL * history[-1]["loss"]
+    return history[-_STALL - 1]["loss"] - history[-1]["loss"] < still * history[-1]["loss"]

@@ -1,0 +1,1 @@
+"""Certified values: how many digits of them a method or the solver gives."""
