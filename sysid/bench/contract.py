@@ -24,7 +24,8 @@ class Data:
     u and y hold one array (N,) an experiment, sampled every Ts [s]; `missing` marks outputs that were not measured,
     whose y lies on a straight line between their neighbours. `orders` are (nb, nf, nk) of a linear model that suits
     the plant, None if nobody knows. A method should end within `seconds`; all its random numbers come from `seed`,
-    which is below 2^20.
+    which is below 2^20. `model` is what a reference record states of its system, None of any other: `blocks` in series,
+    values `fixed` by name, and a `start`, {name: value}, of the parameters to estimate; the system begins at rest.
     """
 
     u: tuple[np.ndarray, ...]
@@ -34,6 +35,7 @@ class Data:
     orders: tuple[int, int, int] | None
     seconds: float
     seed: int
+    model: Mapping[str, Any] | None = None
 
 
 class Model(Protocol):
@@ -41,7 +43,8 @@ class Model(Protocol):
 
     Two attributes are optional. `poles` are its discrete-time poles (n,). `details` is a dictionary of JSON values:
     `stop`, a sentence that says why the search ended; `loss`, the mean squared free-run error on the data;
-    `structure`, the orders that it chose; `intervals`, {"pole": [[re, im, half axis of re, of im], ...]} at 95 %.
+    `structure`, the orders that it chose; `intervals`, {"pole": [[re, im, half axis of re, of im], ...]} at 95 %;
+    `values` and `deviations`, {name: number}, the estimates of a stated model and their standard deviations.
     """
 
     def simulate(self, u: np.ndarray, y_init: np.ndarray) -> np.ndarray:
@@ -95,6 +98,9 @@ def checked_details(details: Any) -> dict[str, Any]:
     claims = _rows(claims.get("pole"), 4) if isinstance(claims, Mapping) else None
     if claims is not None and np.isfinite(claims[:, :2]).all():
         valid["intervals"] = {"pole": claims.tolist()}
+    for name in ("values", "deviations"):
+        if isinstance(details.get(name), Mapping):
+            valid[name] = {text_of(key): number(value) for key, value in list(details[name].items())[:MOST_POLES]}
     return valid
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.files import check_regular_file, read_limited, write_text
+from sysid.base.files import check_regular_file, json_value, read_limited, write_text
 from sysid.base.locks import scratch_folder
 from sysid.bench.method import LIMIT, Outcome, Tests
 from sysid.bench.task import Task
@@ -220,6 +220,7 @@ def _write(path: Path, task: Task, tests: Tests, seconds: float, seed: int) -> N
     data = task.data(seconds, seed)
     arrays: dict[str, Any] = {"experiments": len(data.u), "Ts": data.Ts, "seconds": seconds, "seed": data.seed}
     arrays["orders"] = np.array(data.orders or (), dtype=int)
+    arrays["model"] = json.dumps(json_value(data.model))
     for k, experiment in enumerate(zip(data.u, data.y, data.missing, strict=True)):
         arrays |= {f"{name}{k}": values for name, values in zip(("u", "y", "missing"), experiment, strict=True)}
     arrays["tests"] = len(tests)

@@ -40,7 +40,8 @@ class Task:
     """An estimation record, and test records by name whose first `drop` samples are known and not scored.
 
     Split, dropped samples and the unit of errors travel with it. `orders` are told to every method. `published` are
-    errors of other people's models by the same protocol, in `unit`. `given` says in words what was drawn.
+    errors of other people's models by the same protocol, in `unit`. `given` says in words what was drawn. `model` is
+    what the record states of its system, see `sysid.bench.contract.Data`.
     """
 
     train: IOData
@@ -51,6 +52,7 @@ class Task:
     truth: Truth | None = None
     published: Mapping[str, str] = field(default_factory=dict)
     given: str = ""
+    model: Mapping[str, Any] | None = None
 
     def data(self, seconds: float, seed: int) -> Data:
         """The estimation record as a method gets it."""
@@ -63,6 +65,7 @@ class Task:
             self.orders,
             seconds,
             seed % SEEDS,
+            self.model,
         )
 
 

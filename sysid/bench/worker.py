@@ -52,7 +52,8 @@ def data_of(contract: ModuleType, arrays: Any) -> Any:
     count = int(arrays["experiments"])
     u, y, missing = (tuple(arrays[f"{name}{k}"] for k in range(count)) for name in ("u", "y", "missing"))
     orders = tuple(int(n) for n in arrays["orders"]) or None
-    return contract.Data(u, y, missing, float(arrays["Ts"]), orders, float(arrays["seconds"]), int(arrays["seed"]))
+    seconds, seed, model = float(arrays["seconds"]), int(arrays["seed"]), json.loads(str(arrays["model"]))
+    return contract.Data(u, y, missing, float(arrays["Ts"]), orders, seconds, seed, model)
 
 
 def work(contract: ModuleType, method: Path, folder: Path, package: str) -> dict[str, Any]:
