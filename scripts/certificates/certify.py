@@ -94,7 +94,7 @@ def certified(plan: Plan) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
                 raise ArithmeticError("Newton's method went elsewhere")
             if dps > 50:
                 point, at = polished(problem, point, dps)
-            radius, bounds = krawczyk(problem, point, dps)
+            radius = krawczyk(problem, point, dps)
         except (ArithmeticError, ZeroDivisionError):
             continue
         break

@@ -1,4 +1,4 @@
-"""What each dynamic reference record is made of. A plan has no data: `certify.py` draws them and finds what is certified.
+"""What each dynamic reference record is made of. A plan has no data: `certify.py` draws and certifies them.
 
 `free` are the true values of the parameters to estimate, `fixed` those that a record tells. noise is the standard
 deviation at the output relative to that of the output, colour the pole of the noise. `domain` are the bounds of the
@@ -84,7 +84,8 @@ PLANS = (
         domain={"input.upper": (-2.0, 2.0), "linear.f1": (-1.0, 1.0)},
     ),
     Plan(
-        "hammerstein_limits", (sat("input"), tf(1, 1)), {"input.lower": -0.7, "input.upper": 1.2} | linear([0.4], [-0.8]),
+        "hammerstein_limits", (sat("input"), tf(1, 1)),
+        {"input.lower": -0.7, "input.upper": 1.2} | linear([0.4], [-0.8]),
         N=80, noise=0.1, hold=4,
     ),
     Plan(
@@ -128,7 +129,8 @@ PLANS = (
         {"output.c3": ONE, "output.c4": "0"}, N=150, noise=0.05,
     ),
     Plan(
-        "wiener_coloured", (tf(1, 1), sat("output")), {"output.lower": -0.6, "output.upper": 0.8} | linear([0.4], [-0.7]),
+        "wiener_coloured", (tf(1, 1), sat("output")),
+        {"output.lower": -0.6, "output.upper": 0.8} | linear([0.4], [-0.7]),
         N=100, noise=0.2, colour=0.8,
     ),
     Plan(
@@ -183,11 +185,13 @@ PLANS = (
         N=120, noise=0.1,
     ),
     Plan(
-        "joint_friction", (motor(),), {"motor.gain": 0.8, "motor.lag": 2.5, "motor.rise": 0.35, "motor.fall": 0.45}, STILL,
+        "joint_friction", (motor(),),
+        {"motor.gain": 0.8, "motor.lag": 2.5, "motor.rise": 0.35, "motor.fall": 0.45}, STILL,
         N=100, noise=0.02,
     ),
     Plan(
-        "joint_coloured", (motor(),), {"motor.gain": 1.2, "motor.lag": 1.5, "motor.rise": 0.55, "motor.fall": 0.4}, STILL,
+        "joint_coloured", (motor(),),
+        {"motor.gain": 1.2, "motor.lag": 1.5, "motor.rise": 0.55, "motor.fall": 0.4}, STILL,
         N=150, noise=0.05, colour=0.8, hold=4,
     ),
     Plan(

@@ -133,7 +133,9 @@ def parameters(values: list[Number], second: bool = True) -> list[Jet]:
     """The parameters themselves as jets."""
     n = len(values)
     one = [[values[k] * 0 + 1 if i == k else None for i in range(n)] for k in range(n)]
-    return [Jet(v, g, [[None] * (i + 1) for i in range(n)] if second else None) for v, g in zip(values, one, strict=True)]
+    return [
+        Jet(v, g, [[None] * (i + 1) for i in range(n)] if second else None) for v, g in zip(values, one, strict=True)
+    ]
 
 
 def constant(value: Number, like: Jet) -> Jet:

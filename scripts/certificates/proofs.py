@@ -34,7 +34,9 @@ class Problem:
 
     def loss(self, values: list[Any], number: Any, slopes: Any, second: bool = True) -> Jet:
         """Sum of squared errors; `number` makes one of its numbers from decimal text."""
-        known = {text: number(text) for text in {*self.u, *self.y}}  # one object a number: a play knows that it is equal
+        known = {
+            text: number(text) for text in {*self.u, *self.y}
+        }  # one object a number: a play knows that it is equal
         u, y = [known[text] for text in self.u], [known[text] for text in self.y]
         return loss(self.blocks, self.theta(values, number, second), u, y, slopes)
 
@@ -57,7 +59,9 @@ def polished(problem: Problem, values: Sequence[float], dps: int) -> tuple[list[
         at = problem.loss(theta, mp.mpf, slopes_of_reals)
         step = mp.lu_solve(_matrix(at.hessian), mp.matrix([-g for g in at.gradient]))
         theta = [t + d for t, d in zip(theta, step, strict=True)]
-        if max(abs(d) / (abs(t) + mp.mpf(10) ** -20) for t, d in zip(theta, step, strict=True)) < mp.mpf(10) ** (5 - dps):
+        if max(abs(d) / (abs(t) + mp.mpf(10) ** -20) for t, d in zip(theta, step, strict=True)) < mp.mpf(10) ** (
+            5 - dps
+        ):
             return theta, problem.loss(theta, mp.mpf, slopes_of_reals)
     raise ArithmeticError("Newton's method does not settle; give a better start")
 
@@ -81,8 +85,8 @@ def deviations(problem: Problem, theta: list[Any]) -> tuple[list[Any], float]:
     return [mp.sqrt(rss / (len(y) - n) * inverse[i, i]) for i in range(n)], condition
 
 
-def krawczyk(problem: Problem, theta: list[Any], dps: int) -> tuple[Any, Any]:
-    """The radius relative to each value, and bounds of rss, of the widest box tried in which the proof succeeds.
+def krawczyk(problem: Problem, theta: list[Any], dps: int) -> Any:
+    """The radius relative to each value of the widest box tried in which the proof succeeds.
 
     With F the gradient, Y the inverse of its derivative at the centre m and X the box: K = m - Y F(m) + (I - Y F'(X))
     (X - m) inside X proves that X holds exactly one point with F = 0 (Krawczyk 1969; Neumaier 1990, theorem 5.1.8).
@@ -102,7 +106,7 @@ def krawczyk(problem: Problem, theta: list[Any], dps: int) -> tuple[Any, Any]:
         except KinkError:
             continue
         if _contracts(Y, exact, around, widths) and _positive(around.hessian):
-            return radius, (around.value.a, around.value.b)
+            return radius
     raise ArithmeticError("no box was proved; give more digits")
 
 
@@ -151,7 +155,7 @@ def lowest(
     problem: Problem, theta: Sequence[float], spread: Sequence[float], low: Sequence[float], high: Sequence[float],
     most: int = 4_000_000,
 ) -> Lowest:  # fmt: skip
-    """Proves that the stationary point theta has the lowest loss of a whole domain; raises ArithmeticError if it cannot.
+    """Proves that theta, a stationary point, has the lowest loss of a domain; raises ArithmeticError if it cannot.
 
     A box is left out if its loss is above that of theta (the natural and the mean-value bound), if a derivative has one
     sign there and the box does not touch the domain's face on the lower side, or if it lies in the region around theta
@@ -212,7 +216,9 @@ def _certain(x: Boxes, low: Boxes, high: Boxes) -> tuple:
     return value, *(Boxes(np.where(sure, w.lo, np.nan), np.where(sure, w.hi, np.nan)) for w in weights)
 
 
-def _convex_region(problem: Problem, theta: np.ndarray, spread: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _convex_region(
+    problem: Problem, theta: np.ndarray, spread: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
     """Half widths (n,) of a box around theta, in standard deviations, with a positive definite Hessian throughout."""
     n = len(theta)
     for size in 2.0 ** np.arange(3, -12, -1):
@@ -238,5 +244,3 @@ def _definite(rows: list[list[Any]], count: int) -> np.ndarray:
                 for j in range(k + 1, n):
                     A[i][j] = A[i][j] - A[i][k] * inverse * A[k][j]
     return sure
-
-

@@ -19,7 +19,9 @@ from typing import Any
 from jets import Jet, Slopes, clip, constant
 
 
-def outputs(blocks: Sequence[Mapping[str, Any]], theta: Mapping[str, Jet], u: Sequence[Any], slopes: Slopes) -> list[Jet]:
+def outputs(
+    blocks: Sequence[Mapping[str, Any]], theta: Mapping[str, Jet], u: Sequence[Any], slopes: Slopes
+) -> list[Jet]:
     """y (N,) as jets for an input u (N,) of numbers; theta holds every parameter by role.name."""
     like = next(iter(theta.values()))
     known = {id(value): constant(value, like) for value in u}
@@ -92,9 +94,17 @@ def _sum(terms: list[Jet]) -> Jet:
     return total
 
 
-KINDS = {"transfer_function": _filter, "saturation": _saturation, "polynomial": _polynomial, "play": _play, "motor": _motor}
+KINDS = {
+    "transfer_function": _filter,
+    "saturation": _saturation,
+    "polynomial": _polynomial,
+    "play": _play,
+    "motor": _motor,
+}
 
 
-def loss(blocks: Sequence[Mapping[str, Any]], theta: Mapping[str, Jet], u: Sequence[Any], y: Sequence[Any], slopes: Slopes) -> Jet:
+def loss(
+    blocks: Sequence[Mapping[str, Any]], theta: Mapping[str, Jet], u: Sequence[Any], y: Sequence[Any], slopes: Slopes
+) -> Jet:
     """Sum of squared errors."""
     return _sum([(yhat - value).square() for yhat, value in zip(outputs(blocks, theta, u, slopes), y, strict=True)])

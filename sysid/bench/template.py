@@ -12,7 +12,7 @@ REQUIREMENTS: list[str] = []  # what pip installs for it, such as ["scipy>=1.13"
 def fit(data):
     """data.u, data.y: tuples of arrays (N,), one an experiment; data.missing: outputs that were not measured.
 
-    Also data.Ts [s], data.orders (nb, nf, nk) or None, data.seconds (end within them), data.seed.
+    Also data.Ts [s], data.orders (nb, nf, nk) or None, data.seconds (end within them), data.seed, data.model.
     """
     nb, na, nk = data.orders or (2, 2, 1)
     X, y = rows(data.u, data.y, data.missing, nb, na, nk)

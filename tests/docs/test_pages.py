@@ -38,6 +38,7 @@ NOT_RUN = {
     ("calibrate.md", 0): "minutes, and logs of a rig; tests/recovery/test_calibrate.py",
     ("calibrate.md", 1): "minutes, and logs of three days; tests/recovery/test_calibrate_runs.py",
     ("calibrate.md", 2): "the reader's own robot; tests/recovery/test_mjcf.py",
+    ("certify.md", 1): "all records, and the reader's own method; tests/cli/test_bench_certify.py",
     ("compare.md", 0): "a minute, and logs of a rig; tests/cli/test_compare.py",
     ("compare.md", 1): "the reader's own robot; tests/recovery/test_mjcf_compare.py",
     ("index.md", 0): "the commands of the tutorial",

@@ -1,6 +1,5 @@
 """`qpal bench`: methods against plants with a truth, against each other, and on real records."""
 
-import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,13 +9,14 @@ import typer
 
 from sysid.base.errors import InputError, unknown
 from twin.cli import console, options
+from twin.cli.bench_methods import add_file, all_methods
+from twin.cli.certify import certify
 from twin.cli.options import Verb
 from twin.cli.output import output_folder, run_folder
 from twin.cli.results import note_result
 
 if TYPE_CHECKING:
     from sysid.bench.cell import Cell, Redrawn
-    from sysid.bench.method import Method as AnyMethod
     from sysid.bench.task import Family
 
 Tag = Annotated[str | None, typer.Option("--tag", metavar="NAME", help="what to run: quick, standard or full")]
@@ -52,27 +52,6 @@ def all_families(records: Path | None = None) -> "dict[str, Family]":
     if any(records.rglob("*.hdf5")):
         return table | {"files": Files(folder)}
     return table | {"real": Real(folder=folder)}
-
-
-def all_methods() -> "dict[str, AnyMethod]":
-    """All methods by name."""
-    from sysid.bench import methods as known
-
-    return dict(known.TABLE)
-
-
-def add_file(text: str, table: "dict[str, AnyMethod]") -> str:
-    """The name of a method; one that a file holds is added to `table`."""
-    if not text.endswith(".py") and os.sep not in text:
-        return text
-    from sysid.bench.method_file import load
-    from sysid.bench.suites import OWN, PEERS
-
-    method = load(text)
-    if method.name in table or method.name in (OWN, PEERS):
-        raise InputError(f"{text} has the name of a method that is there already; rename the file")
-    table[method.name] = method
-    return method.name
 
 
 def find_scenario(text: str, records: Path | None) -> "tuple[Family, str]":
@@ -315,7 +294,8 @@ def speed(as_json: options.Json = False) -> None:
 
 
 VERBS: dict[str, Callable[..., None]] = {
-    "run": run, "report": report, "list": show, "add": add, "install": install, "export": export, "speed": speed
+    "run": run, "report": report, "certify": certify, "list": show, "add": add, "install": install, "export": export,
+    "speed": speed,
 }  # fmt: skip
 
 

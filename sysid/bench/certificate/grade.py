@@ -1,7 +1,7 @@
 """Digits of a method on the dynamic reference records, and the rules that ours must keep."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,11 +11,11 @@ from sysid.bench.certificate.record import STARTS, Record
 from sysid.bench.certificate.static import StaticGrade
 from sysid.bench.method import Method
 
-# Of parameters on a set or record of lower difficulty, by our search to the last digit. Doubles tell two sums of squares
-# apart when they differ by 1e-16 of themselves, which is 1e-8 sqrt(N) of a standard deviation: about 8 digits of a
-# value. One digit is lost to the condition of the Jacobian (below 10 there), and one is left for other processors.
+# Of parameters on a set or record of lower difficulty, by our search to the last digit. Doubles tell two sums of
+# squares apart when they differ by 1e-16 of themselves, which is 1e-8 sqrt(N) of a standard deviation: about 8 digits
+# of a value. One is lost to the condition of the Jacobian (below 10 there), and one is left for other processors.
 LEAST = 6.0
-SECONDS = 20.0  # of a fit; the records have 60 to 200 samples
+SECONDS = 5.0  # of a fit, as in the benchmark's table; the records have 60 to 200 samples
 
 
 @dataclass(frozen=True)
@@ -39,22 +39,17 @@ class Grade:
 def grade(method: Method, record: Record, start: int) -> Grade:
     """A method on one record; whatever it does, it gets a row."""
     outcome = answer(method, record.task(start), {"estimation": (record.data.u[:, 0], np.empty(0))}, SECONDS, 0)
-    name = name_of(method)
+    row = Grade(record.name, record.level, start, name_of(method), 0.0, 0.0, 0.0, outcome.seconds, outcome.status)
     if outcome.status != "ok":
-        return Grade(record.name, record.level, start, name, 0.0, 0.0, 0.0, outcome.seconds, outcome.status)
-    told = [outcome.details.get(key) for key in ("values", "deviations")]
-    sure = (record.parameters, record.deviations)
+        return row
+    values, spread = (outcome.details.get(key) for key in ("values", "deviations"))
     with np.errstate(over="ignore", invalid="ignore"):  # a free run may diverge
         rss = float(np.sum((record.data.y[:, 0] - outcome.runs["estimation"]) ** 2))
-    return Grade(
-        record.name,
-        record.level,
-        start,
-        name,
-        *(None if values is None else _digits(values, table) for values, table in zip(told, sure, strict=True)),
-        digits(rss, record.rss),
-        outcome.seconds,
-        "ok",
+    return replace(
+        row,
+        parameters=None if values is None else _digits(values, record.parameters),
+        deviations=None if spread is None else _digits(spread, record.deviations),
+        rss=digits(rss, record.rss),
     )
 
 
@@ -80,7 +75,9 @@ def broken(rows: Sequence[Grade], static: Sequence[StaticGrade], judged: str) ->
 
     Only sets and records of lower difficulty are judged.
     """
-    found = [(r.record, r.start, r.parameters or 0.0, r.status) for r in rows if r.method == judged and r.level == "lower"]
+    found = [
+        (r.record, r.start, r.parameters or 0.0, r.status) for r in rows if r.method == judged and r.level == "lower"
+    ]
     found += [(s.name, s.start, s.parameters, s.stop) for s in static if s.level == "lower"]
     return [
         f"{name}, start {start}: {has:.1f} digits, fewer than {LEAST:g} ({reason})."

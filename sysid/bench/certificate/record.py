@@ -46,10 +46,10 @@ class Record:
         return Task(self.data, {"estimation": self.data}, 0, orders=self.orders, model=model)
 
     @property
-    def orders(self) -> tuple[int, int, int]:
-        """nb, nf and nk of its first filter, for methods that do not look at the statement."""
-        block = next(b for b in self.blocks if b["kind"] == "transfer_function")
-        return block["nb"], block["nf"], block["nk"]
+    def orders(self) -> tuple[int, int, int] | None:
+        """nb, nf and nk of its first filter, for methods that do not look at the statement; None without a filter."""
+        orders = [(b["nb"], b["nf"], b["nk"]) for b in self.blocks if b["kind"] == "transfer_function"]
+        return orders[0] if orders else None
 
 
 def chain_of(model: Mapping[str, Any]) -> Chain:
