@@ -10,6 +10,8 @@ from __future__ import annotations
 import json
 import sys
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -44,17 +46,18 @@ def drawn(plan: Plan, draw: int) -> tuple[np.ndarray, np.ndarray]:
     """u, y (N,): steps on a grid of tenths, and noise; both of few decimals."""
     rng = np.random.default_rng([crc32(plan.name.encode()), draw])
     u = np.repeat(rng.integers(-20, 21, ceil(plan.N / plan.hold)) / 10.0, plan.hold)[: plan.N]
-    clean, e = run(plan, plan.free.values(), u)[0], rng.standard_normal(plan.N + 50)
+    blocks, values = plan.source or (plan.blocks, plan.free)
+    clean, e = run(replace(plan, blocks=blocks, free=values), values.values(), u)[0], rng.standard_normal(plan.N + 50)
     for t in range(1, len(e)):
         e[t] += plan.colour * e[t - 1]
     e = e[50:] * np.sqrt(1.0 - plan.colour**2)
     return u, np.round(clean + plan.noise * clean.std() * e, 4)
 
 
-def best(plan: Plan, u: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, int]:
+def best(plan: Plan, truth: list[float], u: np.ndarray, y: np.ndarray, starts: int = STARTS) -> tuple[np.ndarray, int]:
     """The lowest point of searches from the truth and around it, and how many of them came to its loss."""
-    truth, rng, found = np.array(list(plan.free.values())), np.random.default_rng(0), []
-    for k in range(STARTS):
+    truth, rng, found = np.array(truth), np.random.default_rng(0), []
+    for k in range(starts):
         start = truth if k == 0 else truth * rng.uniform(0.4, 1.3, len(truth))
         try:
             with np.errstate(all="ignore"):
@@ -79,29 +82,51 @@ def start_of(names: list[str], theta: list[float], share: float) -> dict[str, fl
     return values
 
 
-def certified(plan: Plan) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
-    """The record's facts and its data."""
+@dataclass(frozen=True)
+class Minimum:
+    """A proved minimum of a record's loss: point, loss, relative radius of the box, digits of the numbers used."""
+
+    point: list[Any]
+    rss: Any
+    radius: Any
+    dps: int
+
+    @classmethod
+    def near(cls, problem: Problem, theta: Sequence[float]) -> Minimum:
+        """That of a point in doubles. Raises ArithmeticError where there is none, or a kink."""
+        point, at = polished(problem, theta, 50)
+        if max(abs(float(p) - t) / abs(t) for p, t in zip(point, theta, strict=True)) > 1e-5:
+            raise ArithmeticError("Newton's method went elsewhere")
+        dps = 50 + ceil(growth(problem, theta))
+        if dps > 50:
+            point, at = polished(problem, point, dps)
+        return cls(point, at.value, krawczyk(problem, point, dps), dps)
+
+    def facts(self, names: Sequence[str]) -> dict[str, Any]:
+        """The proof in a record."""
+        centre = dict(zip(names, (mp.nstr(p, 40) for p in self.point), strict=True))
+        return {"method": "Krawczyk", "centre": centre, "relative_radius": mp.nstr(self.radius, 3), "digits": self.dps}
+
+
+def smooth(plan: Plan) -> tuple[np.ndarray, np.ndarray, Problem, Minimum, dict[str, Any]]:
+    """The first draw whose lowest loss found has a derivative: u, y, problem, minimum, and what was counted."""
     for draw in range(DRAWS):
         u, y = drawn(plan, draw)
-        theta, agreed = best(plan, u, y)
-        texts = [[repr(float(v)) for v in x] for x in (u, y)]
-        problem = Problem(plan.blocks, plan.fixed, list(plan.free), *texts)
+        theta, agreed = best(plan, list(plan.free.values()), u, y)
+        problem = Problem(plan.blocks, plan.fixed, list(plan.free), *([repr(v) for v in x.tolist()] for x in (u, y)))
         try:
-            point, at = polished(problem, theta, 50)
-            moved = max(abs(float(p) - t) / abs(t) for p, t in zip(point, theta, strict=True))
-            dps = 50 + ceil(growth(problem, theta))
-            if moved > 1e-5:
-                raise ArithmeticError("Newton's method went elsewhere")
-            if dps > 50:
-                point, at = polished(problem, point, dps)
-            radius = krawczyk(problem, point, dps)
+            return u, y, problem, Minimum.near(problem, theta), {"starts_that_agree": [agreed, STARTS], "draw": draw}
         except (ArithmeticError, ZeroDivisionError):
             continue
-        break
-    else:
-        raise ArithmeticError(f"{plan.name}: no draw of {DRAWS} has a smooth optimum")
-    spread, condition = deviations(problem, point)
-    values = [float(p) for p in point]
+    raise ArithmeticError(f"{plan.name}: no draw of {DRAWS} has a smooth optimum")
+
+
+def certified(plan: Plan) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
+    """The record's facts and its data."""
+    u, y, problem, minimum, counts = smooth(plan)
+    names, agreed = list(plan.free), counts["starts_that_agree"][0]
+    spread, condition = deviations(problem, minimum.point)
+    values = [float(p) for p in minimum.point]
     facts = {
         "name": plan.name,
         "level": next(name for most, least, name in LEVELS if condition < most and agreed >= least * STARTS),
@@ -110,30 +135,31 @@ def certified(plan: Plan) -> tuple[dict[str, Any], np.ndarray, np.ndarray]:
         "N": plan.N,
         "Ts": 1.0,
         "noise": {"share": plan.noise, "pole": plan.colour},
-        "start1": start_of(list(plan.free), values, 0.6),
-        "start2": start_of(list(plan.free), values, 0.95),
-        "parameters": dict(zip(plan.free, (mp.nstr(p, SHOWN) for p in point), strict=True)),
-        "deviations": dict(zip(plan.free, (mp.nstr(s, SHOWN) for s in spread), strict=True)),
-        "rss": mp.nstr(at.value, SHOWN),
-        "proof": {
-            "method": "Krawczyk",
-            "centre": dict(zip(plan.free, (mp.nstr(p, 40) for p in point), strict=True)),
-            "relative_radius": mp.nstr(radius, 3),
-            "digits": dps,
-            "condition": float(f"{condition:.3g}"),
-            "starts_that_agree": [agreed, STARTS],
-            "draw": draw,
-        },
+        "start1": start_of(names, values, 0.6),
+        "start2": start_of(names, values, 0.95),
+        "parameters": dict(zip(names, (mp.nstr(p, SHOWN) for p in minimum.point), strict=True)),
+        "deviations": dict(zip(names, (mp.nstr(s, SHOWN) for s in spread), strict=True)),
+        "rss": mp.nstr(minimum.rss, SHOWN),
+        "proof": minimum.facts(names) | {"condition": float(f"{condition:.3g}")} | counts,
     }
     if plan.domain:
-        sides = [[plan.domain[name][k] for name in plan.free] for k in (0, 1)]
+        sides = [[plan.domain[name][k] for name in names] for k in (0, 1)]
         proof = lowest(problem, values, [float(s) for s in spread], *sides)
         facts["global"] = {
-            "domain": dict(zip(plan.free, zip(proof.low, proof.high, strict=True), strict=True)),
-            "convex_half_width": dict(zip(plan.free, (float(f"{c:.3g}") for c in proof.convex), strict=True)),
+            "domain": dict(zip(names, zip(proof.low, proof.high, strict=True), strict=True)),
+            "convex_half_width": dict(zip(names, (float(f"{c:.3g}") for c in proof.convex), strict=True)),
             "boxes": proof.boxes,
         }
-    return facts, u, y
+    return facts | (second(plan, problem, u, y) if plan.second else {}), u, y
+
+
+def second(plan: Plan, problem: Problem, u: np.ndarray, y: np.ndarray) -> dict[str, Any]:
+    """Of a record with a proved minimum that is not the lowest: that minimum, the level, and start1 in its valley."""
+    names = list(plan.free)
+    minimum = Minimum.near(problem, best(plan, list(plan.second.values()), u, y, 1)[0])
+    start = start_of(names, [float(p) for p in minimum.point], 0.95)
+    shown = minimum.facts(names) | {"rss": mp.nstr(minimum.rss, SHOWN)}
+    return {"level": LEVELS[-1][-1], "start1": start, "second_minimum": shown}
 
 
 def main(names: list[str]) -> None:

@@ -14,7 +14,11 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Plan:
-    """One record to make; N samples of an input of random steps of `hold` samples, on a grid of tenths to 2."""
+    """One record to make; N samples of an input of random steps of `hold` samples, on a grid of tenths to 2.
+
+    `source` are the blocks and values of a system that the model does not contain; `second` is near a minimum that is
+    not the lowest, where start1 then is.
+    """
 
     name: str
     blocks: tuple[Mapping[str, Any], ...]
@@ -25,6 +29,8 @@ class Plan:
     colour: float = 0.0
     hold: int = 5
     domain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    source: tuple[tuple[Mapping[str, Any], ...], Mapping[str, float]] | None = None
+    second: Mapping[str, float] = field(default_factory=dict)
 
 
 def tf(nb: int, nf: int, nk: int = 1, role: str = "linear") -> dict[str, Any]:
@@ -68,6 +74,10 @@ PLANS = (
     Plan(
         "oe_zero", (tf(2, 1),), linear([0.6, -0.3], [-0.8]), noise=0.1, hold=3,
         domain=POLE | {"linear.b1": (-5.0, 5.0)},
+    ),
+    Plan(  # one pole for two: Johnson and Larimore 1977, Proceedings of the IEEE 65, 1399-1402
+        "oe_two_minima", (tf(1, 1, 0),), linear([-0.311], [-0.906]), N=200, hold=1, domain=POLE,
+        source=((tf(2, 2, 0),), linear([0.05, -0.4], [-1.1314, 0.25])), second=linear([0.114], [0.519]),
     ),
     Plan("oe_two_poles", (tf(1, 2),), linear([0.3], [-1.2, 0.35]), N=100),
     Plan("oe_resonant", (tf(2, 2),), linear([0.2, 0.1], [-1.5, 0.85]), N=120, noise=0.1),

@@ -122,11 +122,11 @@ def _of_records(rows: Sequence[Grade]) -> list[Picture]:
     for row in rows:
         value = row.rss if row.parameters is None else row.parameters
         worst[row.record, row.method] = min(value, worst.get((row.record, row.method), MOST))
-    told = (
+    caption = (
         "digits of the worst parameter from the worse of two starts, of rss where a method does not tell parameters; "
         "no bar is no digit."
     )
-    return _pictures("records", {row.record: row.level for row in rows}, _methods(rows), worst, told)
+    return _pictures("records", {row.record: row.level for row in rows}, _methods(rows), worst, caption)
 
 
 def _of_sets(rows: Sequence[StaticGrade]) -> list[Picture]:
@@ -144,19 +144,23 @@ def _methods(rows: Sequence[Grade]) -> list[str]:
     return list(dict.fromkeys(row.method for row in rows))
 
 
-def rules(judged: bool) -> str:
+def rules(is_judged: bool) -> str:
     """The rule in words."""
     text = f"stated and the solver give {LEAST:g} digits of every parameter at lower difficulty, from both starts"
-    return f"Rule: {text}." if judged else "No rule: methods of others are graded, not judged."
+    return f"Rule: {text}." if is_judged else "No rule: methods of others are graded, not judged."
 
 
 def write_page(
-    folder: Path, rows: Sequence[Grade], static: Sequence[StaticGrade], table: dict[str, Record], broken: Sequence[str],
-    judged: bool,
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path,
+    rows: Sequence[Grade],
+    static: Sequence[StaticGrade],
+    table: dict[str, Record],
+    violations: Sequence[str],
+    is_judged: bool,
+) -> dict[str, Any]:
     """Write report.html, summary.json, tables.md and figures/; returns the summary."""
     proved = sum(table[name].is_global for name in table)
-    verdict = [rules(judged), *(["It holds."] if judged and not broken else broken)]
+    verdict = [rules(is_judged), *(["It holds."] if is_judged and not violations else violations)]
     sections = [
         Section(
             "Dynamic reference records",
@@ -181,8 +185,8 @@ def write_page(
     summary = {
         "records": len(table),
         "global": proved,
-        "judged": judged,
-        "broken": list(broken),
+        "judged": is_judged,
+        "violations": list(violations),
         "dynamic": [asdict(row) for row in rows],
         "static": [asdict(row) for row in static],
         "versions": versions(),

@@ -34,7 +34,7 @@ def test_own_digits_and_the_sets_of_nist(here, capsys):
     text = capsys.readouterr().out
     assert "NIST StRD" in text
     summary = json.loads((here / "page" / "summary.json").read_text())
-    assert (len(summary["static"]), len(summary["dynamic"]), summary["broken"]) == (54, 4, [])
+    assert (len(summary["static"]), len(summary["dynamic"]), summary["violations"]) == (54, 4, [])
     assert {row["method"] for row in summary["dynamic"]} == {"stated", "stated_default"}
     assert min(row["parameters"] for row in summary["dynamic"] if row["method"] == "stated") > 8.0
     assert {path.name for path in (here / "page" / "figures").iterdir()} == {
@@ -60,7 +60,7 @@ def test_a_broken_rule_is_status_1(here, capsys, monkeypatch):
     text = capsys.readouterr().out
     assert "oe_fast, start 1: " in text
     assert "It holds." not in (here / "page" / "report.html").read_text(encoding="utf-8")
-    assert len(json.loads((here / "page" / "summary.json").read_text())["broken"]) == 2
+    assert len(json.loads((here / "page" / "summary.json").read_text())["violations"]) == 2
 
 
 @pytest.mark.parametrize(

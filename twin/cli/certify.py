@@ -37,19 +37,19 @@ def certify(
         if name not in methods:
             raise unknown("method", name, methods)
     table = records()
-    chosen = {k: r for k, r in table.items() if any(fnmatchcase(k, p) for p in record or ["*"])}
-    if not chosen:
+    selected = {k: r for k, r in table.items() if any(fnmatchcase(k, p) for p in record or ["*"])}
+    if not selected:
         raise InputError(f"no record is called {' or '.join(record or ())}; there are {', '.join(table)}")
-    judged = METHODS[0].name in names
+    is_judged = METHODS[0].name in names
     with run_folder(out, "certify") as (folder, scratch):
-        with console.progress(len(chosen), lines=not as_json) as step:
-            rows = grading.grades([methods[name] for name in names], chosen.values(), step)
+        with console.progress(len(selected), lines=not as_json) as step:
+            rows = grading.grades([methods[name] for name in names], selected.values(), step)
         sets = [static.grade(r, k) for r in static.references().values() for k in (1, 2)] if not method else []
-        broken = grading.broken(rows, sets, METHODS[0].name)
-        summary = page.write_page(scratch, rows, sets, chosen, broken, judged)
+        violations = grading.violations(rows, sets, METHODS[0].name)
+        summary = page.write_page(scratch, rows, sets, selected, violations, is_judged)
     grids = [page.dynamic_grid(rows), *([page.static_grid(sets)] if sets else [])]
     reasons = dict.fromkeys(f"{r.method}: {r.status}" for r in rows if r.status != "ok")
-    sentences = [*broken, *list(reasons)[:3], page.rules(judged)]
+    sentences = [*violations, *list(reasons)[:3], page.rules(is_judged)]
     console.finish(folder, summary, as_json, grids, sentences)
-    if broken:
+    if violations:
         raise typer.Exit(1)

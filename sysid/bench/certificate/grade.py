@@ -53,9 +53,9 @@ def grade(method: Method, record: Record, start: int) -> Grade:
     )
 
 
-def _digits(values: Mapping[str, float], certified: Mapping[str, float]) -> float:
+def _digits(values: Mapping[str, float], references: Mapping[str, float]) -> float:
     """Of the worst parameter; one that a method does not tell has none."""
-    return fewest((values.get(name, np.nan) for name in certified), certified.values())
+    return fewest((values.get(name, np.nan) for name in references), references.values())
 
 
 def grades(
@@ -70,17 +70,16 @@ def grades(
     return rows
 
 
-def broken(rows: Sequence[Grade], static: Sequence[StaticGrade], judged: str) -> list[str]:
-    """Sentences where the method `judged`, or the solver on a static set, has fewer than `LEAST` digits.
+def violations(rows: Sequence[Grade], static: Sequence[StaticGrade], method: str) -> list[str]:
+    """Sentences where the method of that name, or the solver on a static set, has fewer than `LEAST` digits.
 
     Only sets and records of lower difficulty are judged.
     """
-    found = [
-        (r.record, r.start, r.parameters or 0.0, r.status) for r in rows if r.method == judged and r.level == "lower"
-    ]
-    found += [(s.name, s.start, s.parameters, s.stop) for s in static if s.level == "lower"]
+    own = [row for row in rows if row.method == method and row.level == "lower"]
+    cases = [(row.record, row.start, row.parameters or 0.0, row.status) for row in own]
+    cases += [(s.name, s.start, s.parameters, s.stop) for s in static if s.level == "lower"]
     return [
         f"{name}, start {start}: {has:.1f} digits, fewer than {LEAST:g} ({reason})."
-        for name, start, has, reason in found
+        for name, start, has, reason in cases
         if has < LEAST
     ]

@@ -30,7 +30,7 @@ class StatedModel(LibraryModel):
         return {"stop": self.fit.stop.reason, "loss": self.fit.criteria.mse, **values}
 
 
-def stated(data: Data) -> StatedModel:
+def search_stated(data: Data) -> StatedModel:
     """The stated model from the record's start, searched to the last digit."""
     if data.model is None:
         raise InputError("this record states no model; qpal bench certify has records that do")
@@ -40,7 +40,7 @@ def stated(data: Data) -> StatedModel:
     return StatedModel(fit(chain, signals, start=start, options=EXACT), signals)
 
 
-def stated_default(data: Data) -> StatedModel:
+def fit_stated(data: Data) -> StatedModel:
     """The stated model as `sysid.fit` does it by default: its own starts, its own tolerance."""
     if data.model is None:
         raise InputError("this record states no model; qpal bench certify has records that do")
@@ -49,6 +49,6 @@ def stated_default(data: Data) -> StatedModel:
 
 
 METHODS = (
-    FunctionMethod("stated", "the stated model from the record's start, to the last digit", stated),
-    FunctionMethod("stated_default", "the stated model, from starts and with tolerance of sysid.fit", stated_default),
+    FunctionMethod("stated", "the stated model from the record's start, to the last digit", search_stated),
+    FunctionMethod("stated_default", "the stated model, from starts and with tolerance of sysid.fit", fit_stated),
 )
