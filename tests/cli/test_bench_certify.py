@@ -1,6 +1,7 @@
 """`qpal bench certify` as its user meets it: a table, a page, exit status 1 for a broken rule, sentences."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -52,6 +53,16 @@ def test_a_method_of_ones_own(here, capsys):
     far, near = summary["dynamic"]
     assert (far["parameters"], near["parameters"]) == (pytest.approx(0.4, abs=0.1), pytest.approx(1.3, abs=0.1))
     assert (near["rss"], near["deviations"], summary["judged"], summary["static"]) == (0.0, 0.0, False, [])
+
+
+@pytest.mark.parametrize("record", ["wiener_gain", "hammerstein_square", "play_after"])
+def test_scipy_on_the_stated_model(record, here, capsys):
+    """A method with blocks and a search of its own has the digits of ours."""
+    method = Path(__file__).parents[2] / "scripts" / "certificates" / "scipy_least_squares.py"
+    assert main(["bench", "certify", str(method), "--record", record, "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["dynamic"]
+    assert min(row["parameters"] for row in rows) > 6.0
+    assert min(row["deviations"] for row in rows) > 4.0
 
 
 def test_a_broken_rule_is_status_1(here, capsys, monkeypatch):

@@ -4,6 +4,7 @@ import json
 import sys
 from dataclasses import replace
 from decimal import Decimal, localcontext
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -254,6 +255,28 @@ def test_proofs_refuse_another_point(certifier):
     sides = [[plan.domain[key][k] for key in plan.free] for k in (0, 1)]
     with pytest.raises(ArithmeticError):
         certifier.lowest(problem, [v * 1.2 for v in point], spread, *sides, most=20_000)
+
+
+def test_a_higher_minimum_is_not_proved_the_lowest(certifier):
+    """The second of two minima: every rule but the bounds of the sum would let it pass."""
+    plan, problem = problem_of(certifier, "oe_two_minima")
+    point = [float(v) for v in facts_of("oe_two_minima")["second_minimum"]["centre"].values()]
+    sides = [[plan.domain[key][k] for key in plan.free] for k in (0, 1)]
+    with pytest.raises(ArithmeticError, match=r"do not suffice|as small as a number"):
+        certifier.lowest(problem, point, [0.05, 0.05], *sides, most=8_000)
+
+
+def test_intervals_are_rounded_outward(certifier):
+    """Sums, products and squares of doubles lie strictly inside, as exact fractions."""
+    from boxes import Boxes
+
+    a, b = np.float64(0.1), np.float64(-0.7)
+    exact = [Fraction(float(a)) + Fraction(float(b)), Fraction(float(a)) * Fraction(float(b)), Fraction(float(b)) ** 2]
+    x, y = Boxes(np.array([a])), Boxes(np.array([b]))
+    for value, box in zip(exact, (x + y, x * y, y**2), strict=True):
+        assert Fraction(float(box.lo[0])) < value < Fraction(float(box.hi[0]))
+    wide = Boxes(np.array([-1.0]), np.array([2.0])) ** 2
+    assert (wide.lo[0], wide.hi[0]) == (0.0, pytest.approx(4.0))
 
 
 def test_intervals_hold_what_they_enclose(certifier):
