@@ -172,11 +172,16 @@ def test_a_method_that_fails_or_tells_little_has_a_row():
     class Silent:
         name, about = "silent", ""
 
+        def __init__(self, **details):
+            self.details = details
+
         def solve(self, task, tests, seconds, seed):
             chain = chain_of(task.model)
             theta = [RECORDS["oe_fast"].parameters[n] for n in chain.names]
-            return Outcome("ok", {name: chain.simulate(theta, u) for name, (u, _) in tests.items()})
+            return Outcome("ok", {name: chain.simulate(theta, u) for name, (u, _) in tests.items()}, self.details)
 
+    told = {"linear.b0": RECORDS["oe_fast"].parameters["linear.b0"]}
+    assert grade(Silent(values=told), RECORDS["oe_fast"], 1).parameters == 0.0  # the worst is the one that is missing
     row = grade(Silent(), RECORDS["oe_fast"], 1)
     assert (row.parameters, row.deviations) == (None, None)
     assert row.rss > 10.9
@@ -255,6 +260,22 @@ def test_proofs_refuse_another_point(certifier):
     sides = [[plan.domain[key][k] for key in plan.free] for k in (0, 1)]
     with pytest.raises(ArithmeticError):
         certifier.lowest(problem, [v * 1.2 for v in point], spread, *sides, most=20_000)
+
+
+def test_a_box_of_two_minima_is_not_one_of_a_single_point(certifier):
+    """Krawczyk's test fails on a box that holds both, and holds on a small one."""
+    from jets import slopes_of_intervals
+    from mpmath import iv
+    from proofs import _contracts, _matrix
+
+    _, problem = problem_of(certifier, "oe_two_minima")
+    certifier.mp.dps = iv.dps = 50
+    point = [certifier.mp.mpf(text) for text in facts_of("oe_two_minima")["proof"]["centre"].values()]
+    inverse = _matrix(problem.loss(point, certifier.mp.mpf, certifier.slopes_of_reals).hessian) ** -1
+    exact = problem.loss([iv.mpf(v) for v in point], iv.mpf, slopes_of_intervals)
+    for width, holds in ((1e-4, True), (0.5, False)):
+        around = problem.loss([iv.mpf([v - width, v + width]) for v in point], iv.mpf, slopes_of_intervals)
+        assert _contracts(inverse, exact, around, [certifier.mp.mpf(width)] * 2) == holds
 
 
 def test_a_higher_minimum_is_not_proved_the_lowest(certifier):
