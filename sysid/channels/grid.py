@@ -1,17 +1,22 @@
 """From increasing time stamps to a uniform grid: the sample number of each stamp, the gaps, and the values on the grid.
 
-Stamps that are not uniform have no sample numbers; then values are interpolated.
+Stamps that are off by less than half a step number their rows all the same, and the rows are the samples. Where
+deviations add up, or the outputs say that each was sampled at its stamp, values are interpolated and inputs are the
+mean of each step.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.jitter import sampled_at_stamps
 from sysid.channels.mapping import Channel, ChannelMap
 from sysid.channels.signals import most_samples
 from sysid.channels.stamps import Stamps, note_on_change_of_clocks, values_at
 from sysid.data.missing import fill, runs
+from sysid.data.resampling import mean_of_held
 from sysid.data.table import Table
 
 # Limits chosen by hand; the logs of tests/corpus hold them.
@@ -30,7 +35,8 @@ class Grid:
 
     `index` (n,) is the sample of each stamp; None if the stamps are not uniform, then values are interpolated.
     `gaps` (m, 2) holds the position of the stamp before each long step and the number of samples lost in it.
-    `median` [s] is the middle step, `off` [s] the largest distance of a stamp from the grid.
+    `median` [s] is the middle step, `off` [s] the largest distance of a stamp from the grid. `loose` says that stamps
+    are further off than they may be, and rows are samples all the same.
     """
 
     Ts: float
@@ -39,6 +45,7 @@ class Grid:
     gaps: np.ndarray
     median: float
     off: float
+    loose: bool = False
 
     @property
     def lost(self) -> int:
@@ -46,10 +53,12 @@ class Grid:
         return int(self.gaps[:, 1].sum())
 
 
-def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None = None) -> Grid | None:
+def find_grid(
+    t: np.ndarray, resolution: float, jitter: float, Ts: float | None = None, y: Sequence[np.ndarray] = ()
+) -> Grid | None:
     """The grid of stamps t (n,) [s], which increase; None if the last digit `resolution` [s] is too coarse to tell.
 
-    `jitter` is the part of a step by which stamps may be off. A `Ts` [s] near the step of the stamps is taken for it;
+    `jitter` is the part of a step by which stamps may be off whatever the outputs `y` (n,) say. A `Ts` [s] near the step of the stamps is taken for it;
     another one is a whole number of steps of the grid where values are interpolated anyway.
     """
     steps = np.diff(t)
@@ -59,7 +68,7 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
     single = steps if usual_steps.all() else steps[usual_steps]
     step = given_step or (float(single.mean()) if len(single) else median)
     rounding = 0.0 if resolution >= COARSE * step else resolution
-    if given_step is None and resolution >= COARSE * step and _is_rounded(t, steps, median, jitter):
+    if given_step is None and resolution >= COARSE * step and _is_rounded(t, steps, median, resolution, jitter):
         return None
     numbering = _sample_numbers(t, steps, step, given_step is not None)
     if numbering is not None:
@@ -68,19 +77,21 @@ def find_grid(t: np.ndarray, resolution: float, jitter: float, Ts: float | None 
         deviation = _distance_from_grid(t, index, step)
         steps_fit = np.all(_distance(steps, m * step) <= jitter * step)
         tolerance = max(2.0 * jitter * step, ROUNDED * rounding, ROUNDED * resolution if given_step else 0.0)
-        if steps_fit or 2.0 * deviation <= tolerance:
+        within, numbered = bool(steps_fit or 2.0 * deviation <= tolerance), deviation < RELIABLE * step
+        if within or (numbered and not sampled_at_stamps(t, index, step, y)):
             exact = given_step or _exact(t, index, step, max(rounding, 2.0 * deviation))
             gaps = np.flatnonzero(m > 1)
-            return Grid(exact, int(index[-1]) + 1, index, np.column_stack([gaps, m[gaps] - 1]), median, deviation)
-        if deviation < RELIABLE * step:
+            losses = np.column_stack([gaps, m[gaps] - 1])
+            return Grid(exact, int(index[-1]) + 1, index, losses, median, deviation, not within)
+        if numbered:
             median = step
     chosen_step = given_step or (Ts / max(1, round(Ts / median)) if Ts is not None else three_digits(median))
     usual = max(min(float(np.percentile(steps, 95)), SPARSE * median), chosen_step)
     gaps = np.flatnonzero(steps > LONG * usual)
-    losses = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
+    lost = np.maximum(np.minimum(np.rint(steps[gaps] / usual), MOST).astype(int) - 1, 1)
     N = int((t[-1] - t[0]) / chosen_step * (1.0 + 1e-12) + 1e-6) + 1
     deviation = _distance_from_grid(t, np.rint((t - t[0]) / chosen_step), chosen_step)
-    return Grid(chosen_step, N, None, np.column_stack([gaps, losses]), float(np.median(steps)), deviation)
+    return Grid(chosen_step, N, None, np.column_stack([gaps, lost]), float(np.median(steps)), deviation)
 
 
 def three_digits(value: float) -> float:
@@ -88,13 +99,26 @@ def three_digits(value: float) -> float:
     return float(f"{value:.3g}")
 
 
-def _is_rounded(t: np.ndarray, steps: np.ndarray, median: float, jitter: float) -> bool:
-    """Whether the steps of a coarse clock differ by rounding: not by whole steps, or evenly over the record."""
+def _is_rounded(t: np.ndarray, steps: np.ndarray, median: float, resolution: float, jitter: float) -> bool:
+    """Whether the steps of a coarse clock differ by rounding: not by whole steps, or as a uniform clock's do.
+
+    Rounded stamps of a uniform clock, of which no sample is lost, lie in a strip of the height of their last digit.
+    """
     unusual = np.abs(steps - median) > jitter * median
     if np.any(np.abs(steps - median * np.maximum(np.rint(steps / median), 1.0)) > jitter * median):
         return True
-    k = np.arange(len(t))  # as if no sample were lost
-    return int(unusual.sum()) > 1 and bool(np.ptp(t - _slope(k, t) * k) <= ROUNDED * median)
+    return int(unusual.sum()) > 1 and _strip(t) <= resolution + 2.0 * jitter * median
+
+
+def _strip(t: np.ndarray) -> float:
+    """The height [s] of the lowest strip between two parallel lines that holds all t (n,) over their row numbers."""
+    from scipy.optimize import minimize_scalar
+
+    k = np.arange(len(t))
+    slope = _slope(k, t)
+    reach = 2.0 * float(np.ptp(t - slope * k)) / len(t)  # a line that is further off leaves a higher strip
+    bounds, options = (slope - reach, slope + reach), {"xatol": 1e-4 * reach}
+    return float(minimize_scalar(lambda each: np.ptp(t - each * k), bounds=bounds, options=options).fun)
 
 
 def _sample_numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) -> tuple[np.ndarray, float] | None:
@@ -209,13 +233,15 @@ def value_of_each_stamp(values: np.ndarray, timing: Timing, mean: bool) -> np.nd
 
 
 def place(
-    table: Table, timing: Timing, channel: Channel, values: np.ndarray, held: bool, longest: int
+    table: Table, timing: Timing, channel: Channel, values: np.ndarray, role: str, longest: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Values (N,) on the grid and the marks (N,) of samples that were filled, at most `longest` in a row.
 
-    Raises InputError with the row of a longer stretch of `values` (n,) without one, and of one at an end.
+    Where values are interpolated, an input that is held becomes its mean over each step of the grid: at a single
+    instant it would come a whole step late. Raises InputError with the row of a longer stretch of `values` (n,)
+    without one, and of one at an end.
     """
-    grid, mask = timing.grid, np.isfinite(values)
+    grid, mask, held = timing.grid, np.isfinite(values), channel.is_held(role)
     if grid.index is not None:
         if len(values) == grid.N and mask.all():
             return values, np.zeros(grid.N, dtype=bool)
@@ -235,6 +261,8 @@ def place(
     later = np.searchsorted(t, times * (1.0 + 1e-12) + 1e-9 * grid.Ts, side="right")
     earlier = np.maximum(later - 1, 0)
     y = x[earlier] if held else np.interp(times, t, x)
+    if held and role == "input":
+        y = mean_of_held(t, x, times, times + grid.Ts)
     usual = max(float(np.percentile(np.diff(stamps.t), 95)), grid.Ts)
     following = np.append(t, np.inf)[later]
     distant = times - t[earlier] > 0.5 * usual

@@ -18,6 +18,7 @@ from sysid.channels.mapping import ChannelMap
 from sysid.channels.repair import keep_rows
 from sysid.channels.stamps import restarts
 from sysid.data.missing import runs
+from sysid.data.resampling import mean_of_held
 from sysid.data.table import Table
 
 # Limits chosen by hand; the logs of tests/contracts/test_rates.py hold them.
@@ -45,12 +46,6 @@ class Series:
     def repeats(self) -> bool:
         """Whether values are written again that did not change."""
         return len(self.t) > 1 and float(np.mean(np.diff(self.values) == 0)) > REPEATED
-
-    def integral(self, t: np.ndarray) -> np.ndarray:
-        """The integral (n,) of the held values from the first time to t (n,)."""
-        sums = np.concatenate([[0.0], np.cumsum(self.values[:-1] * np.diff(self.t))])
-        k = np.maximum(np.searchsorted(self.t, t, side="right") - 1, 0)
-        return sums[k] + self.values[k] * (t - self.t[k])
 
     def limit(self, own: "Series", longest: int) -> float:
         """How long [s] a value may be held: of a stream as long as lost samples are filled, else without end."""
@@ -214,7 +209,7 @@ def _held(series: Series, own: Series, limit: float) -> tuple[np.ndarray, str]:
         return values, f"{len(series.t)} value(s)"
     if np.ptp(shift) > JITTER * own.step:
         end = np.minimum(np.append(own.t[1:], np.inf), own.t + own.step)
-        mean = (series.integral(end) - series.integral(own.t)) / (end - own.t)
+        mean = mean_of_held(series.t, series.values, own.t, end)
         text = f"{len(series.t)} values, which change anywhere between the output's: held, then the mean of each step"
         return np.where(np.isfinite(values), mean, np.nan), text
     delay = float(np.median(shift))

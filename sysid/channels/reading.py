@@ -28,7 +28,7 @@ from sysid.channels.own_clocks import with_clocks
 from sysid.channels.rates import at_output
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
-from sysid.channels.stamps import read_stamps
+from sysid.channels.stamps import read_stamps, values_at
 from sysid.data.missing import runs
 from sysid.data.table import Table
 from sysid.formats import read_table
@@ -138,7 +138,7 @@ def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> S
         notes = (*notes, note)
     columns, units = _read_channels(table, mapping)
     table, columns, ends = drop_empty_ends(table, columns)
-    timing = _time_rows(table, mapping, len(columns[0]))
+    timing = _time_rows(table, mapping, columns)
     values_and_marks, empty = _place_channels(table, mapping, timing, columns)
     names, name_notes = names_of(mapping)
     signals: dict[str, list[Signal]] = {role: [] for role in ROLES}
@@ -167,6 +167,7 @@ def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> S
     ]
     words = [correction.words for correction in corrections if correction.needed]
     notes = (*notes, *name_notes, *table.notes, *words)
+    notes = (*notes, *_loose_stamps(timing))
     record = resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
     return replace(record, notes=(*record.notes, *record.drive_notes()))
 
@@ -246,9 +247,9 @@ def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray],
     return columns, [printable(conversion.unit) for _, conversion in pairs]
 
 
-def _time_rows(table: Table, mapping: ChannelMap, n: int) -> Timing:
-    """The timing of n rows; raises InputError for stamps that no grid fits, or with gaps that are not filled."""
-    clock, repair = mapping.clock, mapping.repair
+def _time_rows(table: Table, mapping: ChannelMap, columns: list[np.ndarray]) -> Timing:
+    """The timing of the rows of the channels' `columns` (n,); raises InputError for stamps that no grid fits, or with gaps that are not filled."""
+    clock, repair, n = mapping.clock, mapping.repair, len(columns[0])
     if not clock.column:
         assert clock.Ts is not None
         index = np.arange(n)
@@ -259,7 +260,9 @@ def _time_rows(table: Table, mapping: ChannelMap, n: int) -> Timing:
             f"{table.path}: column {clock.column!r} has {len(raw)} samples and the signals have {n}; name another"
         )
     stamps = read_stamps(table, clock, repair, raw)
-    grid = find_grid(stamps.t, stamps.resolution, repair.jitter, clock.Ts)
+    roles = [role for role, _, _ in mapping.channels()]
+    y = [values_at(x, stamps.rows) for role, x in zip(roles, columns, strict=True) if role == "output"]
+    grid = find_grid(stamps.t, stamps.resolution, repair.jitter, clock.Ts, y)
     if grid is None:
         raise InputError(
             f"{table.path}: column {clock.column!r} has stamps of {stamps.resolution:g} s and steps of "
@@ -280,7 +283,7 @@ def _place_channels(
         values = value_of_each_stamp(values, timing, repair.duplicates == "mean")
         empty.append(timing.rows[np.isnan(values)])
         longest = timing.grid.N if repair.empty == "outputs" and role == "output" else repair.longest_gap
-        values_and_marks.append(place(table, timing, channel, values, channel.is_held(role), longest))
+        values_and_marks.append(place(table, timing, channel, values, role, longest))
     return values_and_marks, np.concatenate(empty)
 
 
@@ -305,7 +308,18 @@ def _interpolation(timing: Timing) -> Correction:
     return Correction(
         {"interpolated": grid.N},
         f"the stamps are not uniform (steps of {steps.min():.4g} to {steps.max():.4g} s): resampled every "
-        f"{grid.Ts:g} s, inputs held, outputs by straight lines",
+        f"{grid.Ts:g} s, outputs by straight lines, held inputs by their mean over each step",
+    )
+
+
+def _loose_stamps(timing: Timing) -> tuple[str, ...]:
+    """That rows are taken as they are though stamps are off, and why."""
+    grid = timing.grid
+    if not grid.loose:
+        return ()
+    return (
+        f"stamps are up to {grid.off:.3g} s ({grid.off / grid.Ts:.0%} of a step) off equal steps of {grid.Ts:g} s, "
+        "which never add up, and the outputs do not follow them: the rows are taken as samples at equal steps",
     )
 
 

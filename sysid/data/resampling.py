@@ -105,8 +105,19 @@ def _poly(x: np.ndarray, up: int, down: int) -> np.ndarray:
 
 def _mean_inputs(u: np.ndarray, step: float, n: int) -> np.ndarray:
     """Mean of the held u over each new sample's time (n, nu): the integral of u is the same at both rates."""
-    integral = np.concatenate([np.zeros((1, u.shape[1])), np.cumsum(u, axis=0)])
-    edges = np.minimum(np.arange(n + 1) * step, len(u))
-    areas = np.column_stack([np.interp(edges, np.arange(len(u) + 1), column) for column in integral.T])
-    widths = np.diff(edges)
-    return np.diff(areas, axis=0) / widths[:, None]
+    t, edges = np.arange(len(u)), np.minimum(np.arange(n + 1) * step, len(u))
+    return np.column_stack([mean_of_held(t, column, edges[:-1], edges[1:]) for column in u.T])
+
+
+def mean_of_held(t: np.ndarray, values: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """The mean (m,) between `start` and `stop` (m,) of values (n,) that are held from their times t (n,), which rise.
+
+    What drives a plant over a step is this mean. The first value holds before its time and the last one behind it.
+    """
+    sums = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(t))])
+
+    def integral(places: np.ndarray) -> np.ndarray:
+        k = np.maximum(np.searchsorted(t, places, side="right") - 1, 0)
+        return np.asarray(sums[k] + values[k] * (places - t[k]))
+
+    return (integral(stop) - integral(start)) / (stop - start)
