@@ -54,14 +54,13 @@ def record_figure(data: IOData, seconds: float | None = None) -> Figure:
     return Figure(panels, height=0.8 + 1.4 * len(panels), lettered=True, marks=marks)
 
 
-def parts_figure(estimation: IOData, validation: IOData) -> Figure:
-    """A panel for each channel, the estimation part before the validation part."""
+def parts_figure(estimation: IOData, validation: IOData | None) -> Figure:
+    """A panel for each channel, the estimation part before the validation part, if there is one."""
     start, marks = estimation.N * estimation.Ts, borders(estimation.lengths, estimation.Ts)
-    marks += [Rule(start - 0.5 * estimation.Ts), *borders(validation.lengths, validation.Ts, start)]
-    halves = [
-        (retrend(estimation), 0.0, "estimation", style.INK),
-        (retrend(validation), start, "validation", style.INPUT),
-    ]
+    halves = [(retrend(estimation), 0.0, "estimation", style.INK)]
+    if validation is not None:
+        marks += [Rule(start - 0.5 * estimation.Ts), *borders(validation.lengths, validation.Ts, start)]
+        halves += [(retrend(validation), start, "validation", style.INPUT)]
     panels = [
         Panel(
             [_line(data, c, t0, name, colour, data.lengths) for data, t0, name, colour in halves],

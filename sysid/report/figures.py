@@ -95,6 +95,8 @@ def data_caption(e: Evaluation) -> str:
     """The split of the record, and what was done to the values that are shown."""
     has_offsets = e.estimation.u_offset.any() or e.estimation.y_offset.any()
     restoration = " Constants that were removed before the fit are added again, here and in the figures of the output."
+    if not e.unseen:
+        return f"The record as used, all of it for the fit.{restoration if has_offsets else ''}"
     return (
         f"The record as used: the first {e.estimation.N} samples are estimation data, the other {e.validation.N} "
         f"are validation data.{restoration if has_offsets else ''} What to see: both should go over the same levels, "
@@ -107,6 +109,9 @@ def joined_figure(e: Evaluation) -> Figure:
 
     A click on the run in the legend hides it in all panels; the border of the two parts is a full line.
     """
+    if not e.unseen:
+        run = as_outputs(e.estimation, e.estimation_output) + e.estimation.y_offset
+        return runs_figure(retrend(e.estimation), {f"free run, fit {percent(e.estimation_fit)}, not validated": run})
     record = IOData.merge(retrend(e.estimation), retrend(e.validation))
     figure = _run_over_both(e, record, "free run", e.estimation_output, e.validation_output, e.validation_fit)
     panels, border = list(figure.panels), (e.estimation.N - 0.5) * record.Ts
@@ -147,7 +152,7 @@ def _free_run_caption(e: Evaluation) -> str:
         f"Measured output and the model's free-run simulation. It uses only the input and the first {e.fit.n_init} "
         f"outputs of each part for the initial state; these outputs are not scored. What "
         "to see: errors that grow add up in the model; errors in a few places show what it lacks there."
-        f"{band}{ahead if e.one_step else ''}"
+        f"{band}{ahead if e.one_step and e.unseen else ''}"
     )
 
 
@@ -304,17 +309,19 @@ def _residuals_caption(e: Evaluation) -> str:
     assert e.tests is not None
     kind = "one step ahead" if one_step(e) else "of the free run"
     see = "What to see: red bars are beyond chance; a test that is passed has none."
-    return f"Tests of the validation residuals {kind}. {tests_in_words(e)} {see} {e.tests.rule}"
+    return f"Tests of the residuals of the {e.part} {kind}. {tests_in_words(e)} {see} {e.tests.rule}"
 
 
 TABLE: dict[str, ReportFigure] = {
-    "data": ReportFigure("Data", lambda e: parts_figure(e.estimation, e.validation), data_caption),
+    "data": ReportFigure(
+        "Data", lambda e: parts_figure(e.estimation, e.validation if e.unseen else None), data_caption
+    ),
     "free-run": ReportFigure("Model output", joined_figure, _free_run_caption, tab="Free run"),
     "close-up": ReportFigure(
         "Model output",
-        lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME),
+        lambda e: close_ups_figure(e.validation, e.validation_output, VALIDATION_TIME if e.unseen else "time [s]"),
         lambda e: (
-            "Close-up of the first whole upper and lower peak of the validation data. What to see: whether the free "
+            f"Close-up of the first whole upper and lower peak of the {e.part}. What to see: whether the free "
             "run turns at the same place and time."
         ),
     ),

@@ -172,6 +172,8 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
     ]
     *others, last = (entry.label for entry in CRITERIA.values())
     caption = f"{', '.join(others)} and {last} use one-step-ahead errors" if one_step(evaluation) else ""
+    if not evaluation.unseen:
+        rows = [row for row in rows if not row[0].endswith("validation data")]
     return Grid(("criterion", "value", "meaning"), rows, caption, last_text=True)
 
 

@@ -27,11 +27,13 @@ def first(result: Identification) -> list[str]:
 
 def fits_in_words(e: Evaluation) -> str:
     """The fits [%] of the free run, or of predictions where the free run adds up all errors."""
-    free = f"free-run fit on the validation data of {percent(e.validation_fit)}"
+    if not e.unseen and e.growing is None:
+        return f"has a free-run fit on the {e.part} of {percent(e.estimation_fit)}; no data are left to validate it"
+    free = f"free-run fit on the {e.part} of {percent(e.validation_fit if e.unseen else e.estimation_fit)}"
     if e.growing is None:
         return f"has a {free} ({percent(e.estimation_fit)} on the estimation data)"
     return (
-        f"predicts the validation data {e.growing.ahead} with a fit of {percent(e.growing.fit)}; its "
+        f"predicts the {e.part} {e.growing.ahead} with a fit of {percent(e.growing.fit)}; its "
         f"{free} says little, because a free run adds up every error where the plant itself does not settle"
     )
 
@@ -94,14 +96,14 @@ def too_narrow(e: Evaluation) -> str:
     if not any(v.low is not None for v in e.values) and not any(np.isfinite(r.modulus.upper) for r in e.roots or ()):
         return ""
     reason = ""
-    gap = 0.0 if e.growing else e.estimation_fit - e.validation_fit
+    gap = 0.0 if e.growing or not e.unseen else e.estimation_fit - e.validation_fit
     if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
         reason = (
             f"the fit falls from {percent(e.estimation_fit)} on the estimation data to {percent(e.validation_fit)} on "
             "the validation data"
         )
     elif bad(e):
-        reason = f"the {e.judged} explains only {percent(e.judged_fit)} of the validation data"
+        reason = f"the {e.judged} explains only {percent(e.judged_fit)} of the {e.part}"
     elif e.tests is not None and not e.tests.independent:
         reason = "the residuals depend on the input"
     if not reason:
@@ -118,13 +120,13 @@ def stability(e: Evaluation) -> str:
     if e.linear:
         runs = f"It {e.motion}: poles {poles(e.poles)}."
     elif e.stable:
-        near = min(e.validation_fit, e.estimation_fit) >= CLOSE
+        near = min(e.validation_fit if e.unseen else np.inf, e.estimation_fit) >= CLOSE
         runs = (
             f"Its free run stays {'close to the data' if near else 'in the range of the data, but not close to them'}."
         )
     if e.one_step is None:
         return runs
-    prediction_fit = percent(e.one_step.validation_fit)
+    prediction_fit = percent(e.one_step.validation_fit if e.unseen else e.one_step.estimation_fit)
     return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {prediction_fit}."
 
 
@@ -142,7 +144,7 @@ def _bad(result: Identification) -> str:
         worth = "the constant mean of the output would be better, with 0 %"
     return (
         f"This model is not good enough to use: its {e.judged} has a fit of {percent(e.judged_fit)} to the output of "
-        f"the validation data ({worth}). {'' if e.growing else exit_sentence(e)}{_what_to_do(result)}"
+        f"the {e.part} ({worth}). {'' if e.growing else exit_sentence(e)}{_what_to_do(result)}"
     )
 
 

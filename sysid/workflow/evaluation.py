@@ -119,7 +119,8 @@ def evaluate_fit(
         notes.append(f"in the validation data {fit.divergence(validation)}")
     elif network and (excursion := network.excursion(validation)):
         notes.append(f"in the validation data {excursion}")
-    notes += _difference_of_parts(fit, fits_compared, joint=physics is not None)
+    if validation is not estimation:
+        notes += _difference_of_parts(fit, fits_compared, joint=physics is not None)
     notes += gain_remarks(estimation, validation, validation_run, None if step is None else step.y)
     if chain is not None:
         notes += [f"in the validation data {text}" for text in chain.model.remarks(chain.theta, validation.u)]
@@ -204,6 +205,13 @@ def check_parts(estimation: IOData, validation: IOData) -> None:
                 raise InputError(
                     f"the {role} does not move in the {part} part ({data.N} samples); choose another split or record"
                 )
+
+
+def moves_in_one_part(estimation: IOData, validation: IOData) -> bool:
+    """Whether the input moves, but not in both parts, as in a step test: then neither part is one to validate on."""
+    parts = [bool(np.any(np.ptp(data.u, axis=0) == 0)) for data in (estimation, validation)]
+    both = np.concatenate([estimation.u + estimation.u_offset, validation.u + validation.u_offset])
+    return any(parts) and not np.any(np.ptp(both, axis=0) == 0)
 
 
 def has_ample_samples(fit: Fit | NlarxFit) -> bool:

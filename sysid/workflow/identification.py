@@ -18,11 +18,11 @@ from sysid.selection.space import Space
 from sysid.selection.table import SECONDS, Selection
 from sysid.solver.searches import TABLE as SEARCHES
 from sysid.structures import TABLE as STRUCTURES
-from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit
+from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit, moves_in_one_part
 from sysid.workflow.next_step import advice_after_fit, next_step
 from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
 from sysid.workflow.record import Record, read_record, with_places, without_wraps
-from sysid.workflow.results import Evaluation, Identification, named_channels
+from sysid.workflow.results import Evaluation, Identification, named_channels, without_validation
 from sysid.workflow.servo import with_servo, with_turn
 from sysid.workflow.setting import Setting, in_unit_of
 
@@ -72,8 +72,9 @@ def identify_file(
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
     Several paths are the experiments of one record. Where `validation` names files, they are the validation data and
-    all of the others is for the fit; else the first `split` (None: 0.5) of each experiment is. `input` and `output` may
-    name several columns, "a,b". A structure search uses only the first part, as every fit does; `candidate(done, total,
+    all of the others is for the fit; else the first `split` (None: 0.5) of each experiment is. A record whose input moves in one
+    of these parts alone, as in a step test, is fitted as a whole where `split` is None, and nothing validates the
+    model. `input` and `output` may name several columns, "a,b". A structure search uses only the first part, as every fit does; `candidate(done, total,
     name)` receives its progress, and `progress` a text after each search of a fit. Settings in the unit of the output
     are in that of its column. An angle that wraps at a turn counts on over turns for structures of absolute signals and
     for a search. `preparation` is done to every record. `detrend` None means what it says, else "none": the zero of the
@@ -107,10 +108,24 @@ def identify_file(
             validation_record = replace(validation_record, data=replace(validation_record.data, Ts=record.data.Ts))
         plan = Plan(preparation, 0.5 if split is None else split, detrend, validation_record)
         estimation, validation_part = plan.parts(record.data)
+        if validation_record is None and moves_in_one_part(estimation, validation_part):
+            if split is not None:
+                raise InputError(
+                    f"with --split {split:g} the input moves in one of the two parts alone; choose another split, or "
+                    "leave --split out: where the halves are so too, as in a step test, all is used for the fit"
+                )
+            if isinstance(setting, Auto):
+                raise InputError(
+                    "the input moves in one half of the record alone, and a structure search fits each half and judges "
+                    "it by the other; name a structure, such as --structure output_error, or record again"
+                )
+            plan = replace(plan, whole=True)
+            estimation, validation_part = plan.parts(record.data)
         start = setting.held.start if isinstance(setting, Setting) else None
         if start is not None and detrend == "none":
             zero = start.u_offset, start.y_offset
-            estimation, validation_part = with_offsets(estimation, *zero), with_offsets(validation_part, *zero)
+            estimation = with_offsets(estimation, *zero)
+            validation_part = estimation if plan.whole else with_offsets(validation_part, *zero)
         check_parts(estimation, validation_part)
         findings = advise(record.data)
         fitting()
@@ -123,7 +138,7 @@ def identify_file(
     if detrend == "linear" or (preparation.filter or (None,))[0]:
         # No offset undoes a line or a high-pass filter: a raw record has to be prepared alike.
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
-    evaluation = named_channels(evaluation, record.signals)
+    evaluation = named_channels(without_validation(evaluation) if plan.whole else evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
     first, *further_files = map(str, record.files or (record.path,))
     structure_and_fit = evaluation.setting.recipe, evaluation.judged_fit

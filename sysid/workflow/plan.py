@@ -9,7 +9,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.rates import drift_note, same_rate
 from sysid.data.preparation import Preparation
-from sysid.data.preprocess import quick_start
+from sysid.data.preprocess import detrend, quick_start
 from sysid.data.record import IOData
 from sysid.data.trends import CONSTANT, Trend
 from sysid.workflow.record import Record
@@ -20,13 +20,14 @@ class Plan:
     """What comes before a fit: the steps of a preparation, and where the validation data come from.
 
     `split` is the share of each experiment that is used for the fit, from its start; it is not used where `validation`
-    names records of their own.
+    names records of their own. `whole` says that all of the record is for the fit, and nothing is left to validate.
     """
 
     preparation: Preparation = field(default_factory=Preparation)
     split: float = 0.5
     detrend: str = "none"
     validation: Record | None = None
+    whole: bool = False
 
     def in_words(self) -> str:
         """Where the offsets that were removed come from."""
@@ -39,8 +40,11 @@ class Plan:
         """Estimation and validation data of a prepared record.
 
         Means and levels at rest are those of the whole record that is split, or of the estimation data where the
-        validation data are other records: a model counts from one zero. Lines are each record's own.
+        validation data are other records: a model counts from one zero. Lines are each record's own. Both are all of
+        a `whole` record.
         """
+        if self.whole:
+            return (detrended := detrend(data, self.detrend)), detrended
         if self.validation is None:
             return quick_start(data, self.split, self.detrend)
         validation = self.validation.data

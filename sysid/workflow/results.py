@@ -99,7 +99,8 @@ class Evaluation:
     where `joint` says that the record is not that of a joint, there are no values. Of several inputs or outputs the
     runs are (N, ny), the fits means over the outputs, `outputs` has those of each, `inputs` names and units; `tests`
     are the worst. `band` is that of the validation run, from the noise and from what the estimation data leave open of
-    the model; None where they give none, and of a model that predicts.
+    the model; None where they give none, and of a model that predicts. Without `unseen` data the validation data are
+    the estimation data again, and `validation_fit` is nan.
     """
 
     setting: Setting
@@ -123,6 +124,7 @@ class Evaluation:
     inputs: tuple[tuple[str, str], ...] = ()
     outputs: tuple[OneOutput, ...] = ()
     band: OutputBand | None = None
+    unseen: bool = True
 
     @property
     def held(self) -> float:
@@ -153,7 +155,13 @@ class Evaluation:
         """The validation fit [%] that a judgement takes: of the free run, or of a prediction where that run adds up all
         errors, because the model does not settle.
         """
-        return self.validation_fit if self.growing is None else self.growing.fit
+        seen = self.validation_fit if self.unseen else self.estimation_fit
+        return seen if self.growing is None else self.growing.fit
+
+    @property
+    def part(self) -> str:
+        """The data that the model is judged by, in words."""
+        return "validation data" if self.unseen else "record that was fitted"
 
     @property
     def judged(self) -> str:
@@ -233,6 +241,20 @@ class NextStep:
         return f"Next: {self.why}; try: {self.command}"
 
 
+def without_validation(e: Evaluation) -> Evaluation:
+    """The evaluation of a model whose record was all used for the fit: no number of unseen data, and a note says so."""
+    note = (
+        "the input moves in one half of the record alone, as in a step test: all of it was used for the fit, so no "
+        "fit to unseen data is known; record again and give that file with --validation to have one"
+    )
+    notes = [each.replace("validation data", "record").replace("estimation data", "record") for each in e.notes]
+    one_step = None if e.one_step is None else replace(e.one_step, validation_fit=np.nan)
+    outputs = tuple(replace(output, validation_fit=np.nan) for output in e.outputs)
+    return replace(
+        e, validation_fit=np.nan, outputs=outputs, one_step=one_step, band=None, notes=(note, *notes), unseen=False
+    )
+
+
 @dataclass(frozen=True)
 class Identification:
     """The record with its diagnosis, the plan by which it was prepared and split, and the model with its tests.
@@ -272,7 +294,8 @@ class Identification:
     def _preparation_summary(self) -> dict[str, Any]:
         """How the record was prepared and split; what was not asked for is left out."""
         plan, validation = self.plan, self.plan.validation
-        summary: dict[str, Any] = {"split": plan.split if validation is None else None, "detrend": plan.detrend}
+        split = plan.split if validation is None and not plan.whole else None
+        summary: dict[str, Any] = {"split": split, "detrend": plan.detrend}
         if plan.preparation.options():
             summary["prepared"] = list(plan.preparation.options())
         if validation is not None:
