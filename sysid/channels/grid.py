@@ -58,8 +58,9 @@ def find_grid(
 ) -> Grid | None:
     """The grid of stamps t (n,) [s], which increase; None if the last digit `resolution` [s] is too coarse to tell.
 
-    `jitter` is the part of a step by which stamps may be off whatever the outputs `y` (n,) say. A `Ts` [s] near the step of the stamps is taken for it;
-    another one is a whole number of steps of the grid where values are interpolated anyway.
+    `jitter` is the part of a step by which stamps may be off whatever the outputs `y` (n,) say. A `Ts` [s] near the
+    step of the stamps is taken for it; another one is a whole number of steps of the grid where values are interpolated
+    anyway.
     """
     steps = np.diff(t)
     median = float(np.median(steps))

@@ -248,7 +248,10 @@ def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray],
 
 
 def _time_rows(table: Table, mapping: ChannelMap, columns: list[np.ndarray]) -> Timing:
-    """The timing of the rows of the channels' `columns` (n,); raises InputError for stamps that no grid fits, or with gaps that are not filled."""
+    """The timing of the rows of the channels' `columns` (n,).
+
+    Raises InputError for stamps that no grid fits, or with gaps that are not filled.
+    """
     clock, repair, n = mapping.clock, mapping.repair, len(columns[0])
     if not clock.column:
         assert clock.Ts is not None

@@ -91,6 +91,11 @@ def signals(evaluation: Evaluation) -> tuple[Quantity, Quantity]:
     return display_quantity(data.u_name, data.u_unit), display_quantity(data.y_name, data.y_unit)
 
 
+def _data_figure(e: Evaluation) -> Figure:
+    """The record with its parts."""
+    return parts_figure(e.estimation, e.validation if e.unseen else None)
+
+
 def data_caption(e: Evaluation) -> str:
     """The split of the record, and what was done to the values that are shown."""
     has_offsets = e.estimation.u_offset.any() or e.estimation.y_offset.any()
@@ -313,9 +318,7 @@ def _residuals_caption(e: Evaluation) -> str:
 
 
 TABLE: dict[str, ReportFigure] = {
-    "data": ReportFigure(
-        "Data", lambda e: parts_figure(e.estimation, e.validation if e.unseen else None), data_caption
-    ),
+    "data": ReportFigure("Data", _data_figure, data_caption),
     "free-run": ReportFigure("Model output", joined_figure, _free_run_caption, tab="Free run"),
     "close-up": ReportFigure(
         "Model output",

@@ -72,11 +72,12 @@ def identify_file(
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
     Several paths are the experiments of one record. Where `validation` names files, they are the validation data and
-    all of the others is for the fit; else the first `split` (None: 0.5) of each experiment is. A record whose input moves in one
-    of these parts alone, as in a step test, is fitted as a whole where `split` is None, and nothing validates the
-    model. `input` and `output` may name several columns, "a,b". A structure search uses only the first part, as every fit does; `candidate(done, total,
-    name)` receives its progress, and `progress` a text after each search of a fit. Settings in the unit of the output
-    are in that of its column. An angle that wraps at a turn counts on over turns for structures of absolute signals and
+    all of the others is for the fit; else the first `split` (None: 0.5) of each experiment is. A record whose input
+    moves in one of these parts alone, as in a step test, is fitted as a whole where `split` is None, and nothing
+    validates the model. `input` and `output` may name several columns, "a,b". A structure search uses only the first
+    part, as every fit does; `candidate(done, total, name)` receives its progress, and `progress` a text after each
+    search of a fit. Settings in the unit of the output are in that of its column. An angle that wraps at a turn counts
+    on over turns for structures of absolute signals and
     for a search. `preparation` is done to every record. `detrend` None means what it says, else "none": the zero of the
     output is a parameter of the structures. A saved start keeps its own zero. Every InputError names the file.
     """
