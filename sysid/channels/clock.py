@@ -13,7 +13,7 @@ from sysid.channels.column import Column, Header, unit_in_brackets, words
 from sysid.channels.conversion import ALONE, ANYWHERE, DIGITS, TIMES, UNSURE, convert, is_time, seconds, time_word
 from sysid.channels.mapping import Bits, Clock
 from sysid.data.table import Table
-from sysid.formats import entries_of
+from sysid.formats import sampling_times
 
 CLOCK_WORDS = words(
     "t time timestamp timestamps stamp clock millis micros elapsed ms us ns seconds sec secs msec usec zeit"
@@ -60,7 +60,7 @@ def unit_of_clock(column: Column) -> ClockUnit:
         return ClockUnit("s", "it holds times by its type in the file")
     if sentence := digits_of_a_day(column.name):
         return ClockUnit(None, sentence)
-    remedy = f"say which with --time {column.name!r} --time-unit, or as unit of [clock] in a mapping"
+    remedy = how_to_say_unit(column.name)
     if column.unit_conflict:
         return ClockUnit(None, f"{column.unit_conflict}; {remedy}")
     reading = _unit_by_name(column, remedy)
@@ -69,6 +69,11 @@ def unit_of_clock(column: Column) -> ClockUnit:
     if reading.unit is not None and (contradiction := _other_unit_since_1970(column, reading.unit)):
         return ClockUnit(None, f"{contradiction}; {remedy}")
     return reading
+
+
+def how_to_say_unit(name: str, unit: str = "s") -> str:
+    """What to give so that the clock of this name has a unit, such as `unit`: a part of a command that can be typed."""
+    return f"say which with --time {name!r} --time-unit {unit} (or another), or as unit of [clock] in a mapping"
 
 
 def digits_of_a_day(name: str) -> str:
@@ -148,8 +153,8 @@ def _unit_by_size(column: Column) -> ClockUnit:
     readings = " or ".join(f"{step * {**UNITS, 'day': DAY}[u]:.6g} s (if in {u})" for u in units or UNITS)
     return ClockUnit(
         None,
-        f"column {column.name!r} names no unit, and its steps of {step:.6g} may be {readings}; say which with "
-        "--time-unit, or as unit of [clock] in a mapping",
+        f"column {column.name!r} names no unit, and its steps of {step:.6g} may be {readings}; "
+        f"{how_to_say_unit(column.name, (units or list(UNITS))[0])}",
         stated=False,
     )
 
@@ -210,19 +215,14 @@ def clock_distance(clock: Column, second_clock: Column) -> str:
     )
 
 
-def stated_sampling_time(table: Table) -> float | None:
+def stated_sampling_time(table: Table, names: Sequence[str] = ("Ts", "dt", "fs")) -> float | None:
     """The sampling time [s] in what the writer said of the record, or of each of its experiments; None if there is
     none, or not one.
     """
-    of_parts = {value for _, value in entries_of(table.meta, "Ts")}
-    value = table.meta.get("Ts", of_parts.pop() if len(of_parts) == 1 else None)
-    if not isinstance(value, int | float) or isinstance(value, bool):
-        return None
-    try:
-        Ts = float(value)
-    except OverflowError:  # a whole number of more than 308 digits
-        return None
-    return Ts if 0 < Ts < np.inf else None
+    of_parts = list(sampling_times(table.meta, names))
+    own = [Ts for part, Ts in of_parts if not part]
+    different = {float(f"{Ts:.9g}"): Ts for Ts in own[:1] or (Ts for _, Ts in of_parts)}  # 1/fs is rounded
+    return different.popitem()[1] if len(different) == 1 else None
 
 
 def doubt_of_stated(Ts: float, table: Table, columns: Mapping[str, Column]) -> str:
@@ -276,7 +276,7 @@ def commented_sampling_times(text: str) -> tuple[float, ...]:
 
 def contradiction_of_header(table: Table, clock: Clock, values: np.ndarray) -> str:
     """A sentence if the header's Ts is not the step of the clock's `values` (n,); else nothing."""
-    Ts = stated_sampling_time(table)
+    Ts = stated_sampling_time(table, ("Ts",))  # dt may be the step of a simulation, of which some rows are kept
     if Ts is None:
         return ""
     return _contradiction(f"the header says that the sampling time Ts is {Ts:g} s", (Ts,), clock, values)

@@ -152,7 +152,7 @@ def _choose_clock_by_numbers(columns: Columns, choice: ClockChoice) -> None:
     if column.step == 1.0 and column.integer:
         choice.unclear.append(
             f"column {column.name!r} counts by 1: samples, or a clock; give the sampling time with --ts, or name the "
-            "clock with --time and --time-unit"
+            f"clock with --time {column.name!r} --time-unit s (or another)"
         )
         choice.clock = Clock(column=column.name)
         choice.remarks["clock.column"] = "NOT SURE: it may count samples"

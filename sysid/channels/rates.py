@@ -82,7 +82,7 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
         if role == "output":
             merged[name] = _line(table, series, own, longest, (name, reference))
             continue
-        merged[name], how = _held(series, own, min(series.limit(own, longest), reach))
+        merged[name], how = _held(series, own, series.limit(own, longest), reach)
         sentences += [f"column {name!r}: {how}"] if role == "input" else []
     note = f"columns have rates of their own: the rows are the {len(own.t)} of {reference!r}, and inputs are held"
     table = _replaced(table, merged, filled, reference)
@@ -191,18 +191,22 @@ def _series(table: Table, name: str, t: np.ndarray) -> Series:
     return Series(t[mask][order], values[mask][order])
 
 
-def _held(series: Series, own: Series, limit: float) -> tuple[np.ndarray, str]:
-    """The last value at or before each time of `own`, held for at most `limit` [s], else nan; and how it was taken.
+def _held(series: Series, own: Series, limit: float, reach: float) -> tuple[np.ndarray, str]:
+    """The last value at or before each time of `own`, held for at most `reach` [s], else nan; and how it was taken.
 
+    A stream, which has a `limit` [s], is held over gaps up to it: at an end it is known for one of its steps.
     A series that changes now here and now there within the steps of `own` is held in between and becomes the mean of
     each step: a single instant would not tell what drove the plant.
     """
-    last = np.searchsorted(series.t, own.t, side="right") - 1
+    near = own.t + JITTER * own.step  # stamps that are equal but for their last digits are one instant
+    last = np.searchsorted(series.t, near, side="right") - 1
     source = np.maximum(last, 0)
     age = own.t - series.t[source]
-    values = np.where((last >= 0) & (age <= limit), series.values[source], np.nan)
+    gap = np.append(series.t, np.inf)[last + 1] - series.t[source]
+    known = np.where(gap <= limit, reach, min((1.0 + JITTER) * series.step, reach) if np.isfinite(limit) else reach)
+    values = np.where((last >= 0) & (age <= known), series.values[source], np.nan)
     changes = series.t[np.flatnonzero(np.diff(series.values, prepend=np.nan) != 0)]
-    following = np.searchsorted(own.t, changes)
+    following = np.searchsorted(near, changes)
     inside = (following > 0) & (following < len(own.t))
     shift = own.t[following[inside]] - changes[inside]
     if not len(shift):

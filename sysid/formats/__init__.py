@@ -21,7 +21,7 @@ from sysid.formats._clock_parts import with_joined_clocks
 from sysid.formats._dates import read_dates, with_days
 from sysid.formats._format import Format
 from sysid.formats._long_table import pivoted
-from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS, entries_of, stacked
+from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS, sampling_times, stacked
 from sysid.formats._unit_names import unit_in
 from sysid.formats.delimited import Delimited
 from sysid.formats.json_records import JsonRecords
@@ -154,9 +154,9 @@ __all__ = [
     "Ulog",
     "Wpilog",
     "check_written",
-    "entries_of",
     "read_header",
     "read_table",
+    "sampling_times",
     "unit_in",
     "write_table",
 ]

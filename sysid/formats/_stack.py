@@ -1,7 +1,8 @@
 """Columns that stand once for each experiment, as test(1).u and test(2).u do, as one, and a column of their numbers."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -16,6 +17,8 @@ EXPERIMENT_WORDS = {"episode", "trial", "exp", "experiment", "rep", "repetition"
 RUN_WORDS = {"run", "test", "cycle"}
 NAMES = re.compile(rf"({'|'.join(sorted(EXPERIMENT_WORDS | RUN_WORDS))})s?", re.IGNORECASE)
 FEWEST = 2  # columns of an experiment
+# What a writer calls the sampling time or its inverse, the sampling rate [Hz], and the time [s] of such a number.
+RATES = {"Ts": lambda value: value, "dt": lambda value: value, "fs": lambda value: 1.0 / value}
 
 
 def stacked(table: Table) -> Table:
@@ -52,6 +55,15 @@ def entries_of(meta: Mapping[str, Any], name: str) -> Iterator[tuple[str, Any]]:
             yield part, value
 
 
+def sampling_times(meta: Mapping[str, Any], names: Sequence[str] = tuple(RATES)) -> Iterator[tuple[str, float]]:
+    """The sampling times [s] that the writer said under these names, and of which part of the file."""
+    for name in names:
+        for part, value in entries_of(meta, name):
+            with suppress(OverflowError):  # a whole number of more than 308 digits
+                if not isinstance(value, bool | str) and 0.0 < (number := float(value)) < np.inf:
+                    yield part, RATES[name](number)
+
+
 def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) -> Table:
     fields = list(next(iter(groups.values())))
     places = {field: [group[field] for group in groups.values()] for field in fields}
@@ -59,8 +71,8 @@ def _stack(table: Table, groups: dict[str, dict[str, int]], sizes: list[int]) ->
     rows: list[Any] = [np.concatenate([np.asarray(table.rows[j]) for j in places[field]]) for field in fields]
     number = np.repeat(np.arange(1.0, len(sizes) + 1.0), sizes)
     names, shown = list(groups), f"{next(iter(groups))} to {list(groups)[-1]}"
-    stated = dict(entries_of(table.meta, "Ts"))
-    steps = [float(step) for group in groups if isinstance(step := stated.get(group), int | float) and step > 0]
+    stated = dict(sampling_times(table.meta))
+    steps = [stated[group] for group in groups if group in stated]
     if len(set(steps)) > 1 and len(steps) == len(groups):
         time = [step * np.arange(n) for step, n in zip(steps, sizes, strict=True)]  # each has a clock of its own
         fields, columns, rows = [*fields, TIME], [*columns, np.concatenate(time)], [*rows, rows[0]]
