@@ -26,6 +26,7 @@ ROUNDED = 1.3  # last digits over which rounded stamps of a uniform clock spread
 SPARSE = 100.0  # middle steps: a longer one is a gap however often there is one
 MOST = 2.0**40  # steps in a gap: a longer one is refused alike, and sums of these are whole numbers
 RELIABLE = 0.45  # of a step by which stamps may be off a grid before their sample numbers are uncertain
+TRACKING = 0.1  # of a stamp's deviation, by which the clock follows it: the mean of some ten
 MOST_PIECES = 4  # that a message lists
 
 
@@ -72,6 +73,8 @@ def find_grid(
     if given_step is None and resolution >= COARSE * step and _is_rounded(t, steps, median, resolution, jitter):
         return None
     numbering = _sample_numbers(t, steps, step, given_step is not None)
+    if numbering is None or _distance_from_grid(t, *numbering) >= RELIABLE * numbering[1]:
+        numbering = _tracked_numbers(t, step, given_step is not None) or numbering
     if numbering is not None:
         index, step = numbering
         m = np.diff(index)
@@ -141,6 +144,23 @@ def _sample_numbers(t: np.ndarray, steps: np.ndarray, step: float, given: bool) 
     if np.array_equal(np.rint(steps / slope), m):
         step = slope
     return index, step
+
+
+def _tracked_numbers(t: np.ndarray, step: float, given: bool) -> tuple[np.ndarray, float] | None:
+    """Sample number of each stamp (n,), and the step [s], of stamps whose steps alone do not tell them; None if none.
+
+    Each is the nearest sample of a clock that follows the stamps slowly: two neighbours that are late and early are
+    less than half a step off it, though the step between them is not near a whole number.
+    """
+    for _ in range(1 if given else 3):
+        number, phase, numbers = 0, float(t[0]), [0]
+        for stamp in t[1:].tolist():
+            number = max(number + 1, round(min((stamp - phase) / step, MOST)))
+            phase += TRACKING * (stamp - number * step - phase)
+            numbers.append(number)
+        index = np.array(numbers)
+        step = step if given else _slope(index, t)
+    return (index, step) if _distance_from_grid(t, index, step) < RELIABLE * step else None
 
 
 def _slope(index: np.ndarray, t: np.ndarray) -> float:

@@ -192,7 +192,6 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"with --ts\b|--ts SECONDS", lambda a, m, s: None if "Ts" in a.options else _timed(a)),
     (r"--ts is [^;]*; (?:leave one|give)", lambda a, m, s: _without(a, "Ts") if "leave" in m[0] else _option(a, Ts=TS)),
     (r"--time '([^']+)' --time-unit", lambda a, m, s: _option(a, time=m[1], time_unit="s")),
-    (r"with --time-unit", lambda a, m, s: _option(a, time=_named(s), time_unit="s")),
     (r"name (?:one|the clock) with --time\b", lambda a, m, s: _option(a, time=_named(s))),
     (r"with --time '([^']+)'(?! --time-unit)", lambda a, m, s: _option(a, time=m[1])),
     (r"(?:name|choose) [^;]*--(?:input|output)(?: and one with --output)?", _column),
