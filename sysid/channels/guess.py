@@ -255,8 +255,8 @@ def _notes_on_unused_clock(table: Table, clock: Clock | None, columns: Columns, 
     if column.step > 0.0 and len(jumps):
         notes.append(
             f"the rows are taken as uniform, as the sampling time is given; column {column.name!r} has {len(jumps)} "
-            f"other step(s), the first of {steps[jumps[0]] * factor:.6g} s: leave the sampling time out to have them "
-            "looked after"
+            f"other step(s), the first of {steps[jumps[0]] * factor:.6g} s: leave the sampling time out, or set "
+            "it beside the column in [clock] of a mapping, to have them looked after"
         )
     return notes
 

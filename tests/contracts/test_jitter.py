@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sysid
+from sysid.channels.guess import guess
 from sysid.channels.jitter import sampled_at_stamps
 from sysid.channels.mapping import Channel, ChannelMap, Clock
 from sysid.channels.reading import read_signals, sample
@@ -121,8 +122,14 @@ def test_two_lost_rows_are_no_rounding(tmp_path, step, unit):
 
 def test_what_a_rounded_clock_shows_too_is_refused(tmp_path):
     """Two steps of two at a quarter and three quarters: a clock 0.5 % slower, rounded, stands exactly so."""
-    with pytest.raises(sysid.InputError, match="too coarse to tell a lost sample from rounding"):
-        read_signals(lost(tmp_path / "log.csv", 0.01, "s", [100, 300]))
+    path = lost(tmp_path / "log.csv", 0.01, "s", [100, 300])
+    with pytest.raises(sysid.InputError, match=r"too coarse to tell a lost sample from rounding; .* or as Ts beside"):
+        read_signals(path)
+    mapping = guess(path).mapping
+    clock = mapping.clock.model_copy(update={"Ts": 0.01})  # as the sentence says
+    made = read_signals(path, mapping.model_copy(update={"clock": clock}))
+    np.testing.assert_array_equal(np.flatnonzero(made.missing), [100, 300])
+    assert read_record(path, Ts=0.01).data.N == 398  # and for a rounded clock
 
 
 def own_clocks(path, last, shift=0.0):
