@@ -222,5 +222,7 @@ def test_labels_of_a_designed_experiment_stand_inside_the_picture(units):
 
 @pytest.mark.parametrize(("fits", "words"), [((98.7, 97.0), "stays close to"), ((98.7, 71.8), "not close to them")])
 def test_a_free_run_that_misses_a_quarter_of_the_validation_data_is_not_called_close(fits, words):
-    e = SimpleNamespace(linear=False, stable=True, one_step=None, estimation_fit=fits[0], validation_fit=fits[1])
+    e = SimpleNamespace(
+        linear=False, stable=True, one_step=None, unseen=True, estimation_fit=fits[0], validation_fit=fits[1]
+    )
     assert words in verdict.stability(e)

@@ -70,6 +70,7 @@ def test_the_same_to_zoom(removed):
         estimation_output=run,
         validation_output=run,
         validation_fit=96.0,
+        unseen=True,
         one_step=None,
         band=None,
     )
@@ -86,8 +87,8 @@ def test_the_same_to_zoom(removed):
 def test_the_caption_says_what_was_added_only_where_something_was(removed):
     data, _ = removed
     raw = replace(data, u_offset=np.zeros(1), y_offset=np.zeros(1))
-    assert "are added again" in figures.data_caption(SimpleNamespace(estimation=data, validation=data))
-    assert "added" not in figures.data_caption(SimpleNamespace(estimation=raw, validation=raw))
+    assert "are added again" in figures.data_caption(SimpleNamespace(estimation=data, validation=data, unseen=True))
+    assert "added" not in figures.data_caption(SimpleNamespace(estimation=raw, validation=raw, unseen=True))
 
 
 def test_a_run_that_leaves_the_data_is_told_as_it_is_drawn(removed):
