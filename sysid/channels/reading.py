@@ -270,8 +270,8 @@ def _time_rows(table: Table, mapping: ChannelMap, columns: list[np.ndarray]) -> 
         raise InputError(
             f"{table.path}: column {clock.column!r} has stamps of {stamps.resolution:g} s and steps of "
             f"{np.diff(stamps.t).min():g} to {np.diff(stamps.t).max():g} s, too coarse to tell a lost sample from "
-            "rounding; give the sampling time with --ts if every row is there, or as Ts beside the column in [clock] of a "
-            "mapping if some were lost"
+            "rounding; give the sampling time with --ts if every row is there, or as Ts beside the column in [clock] "
+            "of a mapping if some were lost"
         )
     check_gaps(table, mapping, stamps, grid)
     check_size(table.path, grid.N, n, grid.Ts)

@@ -72,6 +72,7 @@ def evaluation(data, fit):
         estimation_output=runs[0],
         validation_output=runs[1],
         validation_fit=98.0,
+        unseen=True,
         one_step=one,
         band=None,
     )
