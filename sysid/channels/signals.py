@@ -14,7 +14,7 @@ from sysid.channels.mapping import ROLES, ChannelMap
 from sysid.channels.roles import NO_SWITCH
 from sysid.data.missing import runs
 from sysid.data.record import IOData
-from sysid.data.resampling import resample
+from sysid.data.resampling import mean_of_held, resample
 
 _SHORTEST_RUN = 20  # samples: a shorter experiment tells its initial state and little else
 FINER = 1000  # times as many samples as stamps, at most: what is made between them tells nothing
@@ -190,7 +190,7 @@ def resample_signals(record: Signals, Ts: float | None) -> Signals:
 
 
 def _interpolate(record: Signals, Ts: float) -> Signals:
-    """The record on another grid: inputs held, others by straight lines."""
+    """The record on another grid: held signals by their mean over each step, others by straight lines."""
     check_size(record.path, record.N * record.Ts / Ts, record.N, Ts)
     N = int((record.N - 1) * record.Ts / Ts * (1.0 + 1e-12) + 1e-6) + 1
     t = np.arange(N) * Ts
@@ -198,13 +198,16 @@ def _interpolate(record: Signals, Ts: float) -> Signals:
     right = np.minimum(left + 1, record.N - 1)
 
     def interpolate(signal: Signal, held: bool) -> Signal:
-        values = signal.values[left] if held else np.interp(t, record.t, signal.values)
+        lines = np.interp(t, record.t, signal.values)
+        values = mean_of_held(record.t, signal.values, t, t + Ts) if held else lines
         missing = signal.missing[left] if held else signal.missing[left] | signal.missing[right]
         return replace(signal, values=values, missing=missing)
 
     held = {channel.column: channel.is_held(role) for role, channel, _ in record.mapping.channels()}
     u, y, other = (tuple(interpolate(s, held[s.column]) for s in getattr(record, role)) for role in ROLES)
-    note = f"resampled from {record.Ts:g} to {Ts:g} s, inputs held, outputs by straight lines"
+    note = (
+        f"resampled from {record.Ts:g} to {Ts:g} s, held inputs by their mean over each step, others by straight lines"
+    )
     return replace(record, Ts=Ts, notes=(*record.notes, note), input=u, output=y, other=other)
 
 

@@ -153,3 +153,11 @@ def test_clocks_that_are_equal_but_for_their_last_digit_are_one(tmp_path):
     assert any("at stamps of the output's" in note for note in record.notes)
     levels = np.unique(np.round(record.data.u, 4))
     assert len(levels) <= 81 + 1  # no means between levels
+
+
+def test_a_sampling_time_that_is_no_whole_ratio_takes_means_too():
+    """From 0.01 s to 0.015 s: a step that spans a switch has the part of each level, so no switch comes late."""
+    t, u, y, _ = loop(2, 0.0, steady=True)
+    made = read(t, u, y, Ts=0.015)
+    exact = np.repeat(u, 2)[: 3 * (2 * N // 3)].reshape(-1, 3).mean(axis=1)
+    np.testing.assert_allclose(made.input[0].values[: len(exact) - 1], exact[:-1], atol=1e-9)
