@@ -11,12 +11,14 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
+from sysid.channels.clock import within_counter
 from sysid.channels.column import Column, column_of, numbers, parse_header, soft_numbers, words
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ChannelMap, Range
 from sysid.channels.repair import keep_rows, take_rows
+from sysid.channels.restarts import SHORTEST, pauses, restarts, usual_step
 from sysid.channels.signals import Signals
-from sysid.channels.stamps import SHORTEST, is_hour, restarts, usual_step
+from sysid.channels.stamps import is_hour
 from sysid.data.table import Table
 from sysid.formats import EXPERIMENT_WORDS, RUN_WORDS
 
@@ -28,9 +30,11 @@ SHOWN = 6  # restarts in a sentence
 
 def may_be_counter(stamps: np.ndarray, starts: np.ndarray) -> float:
     """The period of a counter that would start again as the stamps (n,) do, with its usual step; 0: none."""
-    step = usual_step(stamps[np.isfinite(stamps)])
+    shown = stamps[np.isfinite(stamps)]
+    step = usual_step(shown)
     tops = stamps[starts - 1] + step - stamps[starts]
     periods = [p for p in PERIODS if len(tops) and np.all(np.abs(tops - p) <= 0.01 * step)]
+    periods = [p for p in periods if within_counter(shown, p).all()]
     return periods[0] if periods else 0.0
 
 
@@ -100,9 +104,9 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     n = len(table.columns[table.names.index(next(iter(mapping.columns())))])
     starts: set[int] = set()
     if part.experiment:
-        starts |= set(_starts_of(table, part.experiment).tolist())
+        starts |= set(_starts_of(table, part.experiment, mapping.repair.longest_gap).tolist())
     if clock.column and not clock.period:
-        found = starts_of_clock(table, clock.column)
+        found = starts_of_clock(table, clock.column, mapping.repair.longest_gap)
         if len(found) and not part.experiment and (doubt := doubt_of_starts(table, clock.column, found)):
             raise table.error(clock.column, int(found[0]), doubt)
         starts |= set(found.tolist())
@@ -118,26 +122,46 @@ def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
     return pieces[part.part - 1 : part.part]
 
 
-def _starts_of(table: Table, column: str) -> np.ndarray:
+def _starts_of(table: Table, column: str, longest: int) -> np.ndarray:
     """Places (m,) at which experiments start by a column that numbers or names them, or a clock, which rises in most
-    rows.
+    rows: there also behind each pause of more than `longest` samples.
     """
     if (labels := _labels(table, column)) is not None:
         return np.flatnonzero(np.diff(labels.values)) + 1
     steps = np.diff(column_of(table, column).finite)
     if len(steps) and np.median(steps) > 0:
-        return starts_of_clock(table, column)
+        return starts_of_clock(table, column, longest, every=True)
     return np.flatnonzero(np.diff(numbers(table, column, "range.experiment"))) + 1
 
 
-def starts_of_clock(table: Table, column: str) -> np.ndarray:
-    """Places (m,) at which the clock of a column starts again; an hour less at a change of clocks is no start."""
+def starts_of_clock(table: Table, column: str, longest: int = 0, every: bool = False) -> np.ndarray:
+    """Places (m,) at which the clock of a column starts again, or goes on behind a pause as `pauses` has it; an hour
+    less or more at a change of clocks is no start, if not asked for as a pause.
+    """
     stamps = soft_numbers(table, column)
-    starts = restarts(stamps)
+    starts = np.union1d(restarts(stamps, table), pauses(stamps, longest, every))
     if not len(starts) or column not in table.local:
         return starts
     usual = usual_step(stamps[np.isfinite(stamps)])
-    return starts[~is_hour(stamps[starts] - stamps[starts - 1] - usual, usual)]
+    steps = stamps[starts] - stamps[starts - 1]
+    return starts[(every & (steps > 0)) | ~is_hour(steps - usual, usual)]
+
+
+def note_on_falls(table: Table, mapping: ChannelMap) -> list[str]:
+    """What is said of a clock that falls back by less than it has gone: another experiment, or a clock set right."""
+    column = mapping.clock.column or mapping.range.experiment
+    if not column or mapping.clock.period or _labels(table, column) is not None:
+        return []
+    stamps = soft_numbers(table, column)
+    starts = starts_of_clock(table, column)
+    back = [k for k in starts.tolist() if stamps[0] < stamps[k] < stamps[k - 1] and column_of(table, column).rising]
+    if not back:
+        return []
+    return [
+        f"column {column!r} falls back at {rows_text(table, column, back)}, into times that were there before: taken "
+        "for experiments; for one record whose clock was set back, give Ts of [clock] in a mapping, without column "
+        "and without experiment of [range]"
+    ]
 
 
 def doubt_of_starts(table: Table, column: str, starts: np.ndarray) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.channels.complaints import brief
 from sysid.channels.jitter import sampled_at_stamps
 from sysid.channels.mapping import Channel, ChannelMap
 from sysid.channels.signals import most_samples
@@ -220,13 +221,15 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
     starts, stops = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(stamps.t) - 1]])
     longest = sorted(np.argsort(stops - starts)[::-1][:MOST_PIECES])
     pieces = [f"{stamps.t[starts[j]]:.10g}:{stamps.t[stops[j]]:.10g}" for j in longest if stops[j] > starts[j]]
+    long = lengths.max() > repair.longest_gap and not clock.period
+    parts = f', or for experiments, set experiment = "{brief(clock.column)}" under [range] of a mapping' if long else ""
     can_fill = most_samples(len(stamps.t)) >= grid.N
     return table.error(
         clock.column,
         int(stamps.rows[k + 1]),
         f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
         f"{note_on_change_of_clocks(table, clock, step, grid.median)}; {reason}: cut it and keep one piece with "
-        f"--range {' or '.join(pieces)}"
+        f"--range {' or '.join(pieces)}{parts}"
         f"{', or set longest_gap and most_lost in [repair] of a mapping' if can_fill else ''}",
     )
 

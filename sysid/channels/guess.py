@@ -166,7 +166,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
     starts = {name: found for name in counters if name and len(found := starts_of_clock(table, name))}
     numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
-    if by_clock and not turns and len(starts[by_clock]) >= _count_of_changes(experiments):
+    if by_clock and not turns and len(starts[by_clock]) > _count_of_changes(experiments):
         numbered, experiments = by_clock, None
         _tell_starts(table, by_clock, starts[by_clock], unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
@@ -270,7 +270,9 @@ def _tell_starts(table: Table, column: str, starts: np.ndarray, unclear: list[st
     if doubt := doubt_of_starts(table, column, starts):
         unclear.append(f"column {column!r}: {doubt}; with period, leave --ts out")
     rows = rows_text(table, column, starts.tolist())
-    why.append(f"column {column!r}, a clock that is not used, starts again at {rows}: experiments of their own")
+    why.append(
+        f"column {column!r}, a clock that is not used, starts again or pauses at {rows}: experiments of their own"
+    )
 
 
 def _guess_signals(

@@ -16,7 +16,7 @@ from sysid.channels.complaints import list_names
 from sysid.channels.conversion import seconds
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.repair import keep_rows
-from sysid.channels.stamps import restarts
+from sysid.channels.restarts import restarts
 from sysid.data.missing import runs
 from sysid.data.resampling import mean_of_held
 from sysid.data.table import Table
@@ -169,7 +169,7 @@ def _times(table: Table, mapping: ChannelMap, clock: str, filled: np.ndarray) ->
         return np.arange(n, dtype=float), np.inf
     t = _seconds(table, mapping, clock)
     part = np.zeros(n, dtype=int)
-    part[restarts(t)] = 1
+    part[restarts(t, table)] = 1
     part = np.cumsum(part)
     span = float(np.nanmax(t) - np.nanmin(t))
     return (t + part * (2.0 * span + 1.0), span) if np.ptp(part[filled]) else (t, np.inf)

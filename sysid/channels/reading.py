@@ -17,7 +17,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
 from sysid.channels.column import numbers
-from sysid.channels.experiments import SHORTEST, alone, cut, in_blocks, join, pieces_of
+from sysid.channels.experiments import SHORTEST, alone, cut, in_blocks, join, note_on_falls, pieces_of
 from sysid.channels.fresh import with_fresh_rows
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
@@ -127,6 +127,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     notes = (*notes, *clock_notes, *held, *rate_notes, *unit_notes, *([dates] if dates else []))
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
+        notes = (*notes, *note_on_falls(table, mapping))
         return _sample_pieces(table, mapping, pieces, notes)
     return _sample_part(table, alone(mapping), notes)
 

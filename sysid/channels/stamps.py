@@ -13,6 +13,7 @@ from sysid.channels.clock import within_counter
 from sysid.channels.conversion import seconds
 from sysid.channels.mapping import Clock, Repair
 from sysid.channels.repair import Correction, without_rows
+from sysid.channels.restarts import restarts, usual_step
 from sysid.data.table import Table
 
 # Limits chosen by hand; the logs of tests/corpus hold them.
@@ -25,11 +26,6 @@ HOUR_TOLERANCE = 0.01  # of an hour and of a step: what is so near an hour off i
 MONTHS = (3, 4, 9, 10, 11)  # in which clocks are changed, north or south
 NIGHT = (-4.0, 5.0)  # [h] from the midnight between Saturday and Sunday
 SHORT = 20 * 60.0  # [s] below that an hour is a gap that is refused anyway, or a stamp that runs back
-SHORTEST = 10  # rows: a shorter stretch is no experiment to fit, and more is asked of it to be one at all
-FEWEST = 3  # rows of a stretch: fewer are a fault of single stamps
-GOES_ON = 3.0  # usual steps: what follows a restart steps by no more, where a single bad stamp jumps back
-EVENLY = 1.5  # usual steps: the same in a stretch of few rows
-AGAIN = 0.1  # of the rows of a stretch: how near its first stamp the clock starts again
 PLACES = 300  # between two stamps that are looked at
 IN_UTC = "write dates in UTC or with their offset"
 
@@ -70,11 +66,13 @@ def read_stamps(table: Table, clock: Clock, repair: Repair, raw: np.ndarray) -> 
     values, wraps = unwrap_counter(table, clock, values, rows)
     backward = np.zeros(0, dtype=int)
     if repair.backward == "drop" and np.any(np.diff(values) < 0):
-        again = restarts(values)
+        stamps = np.full(len(raw), np.nan)
+        stamps[rows] = values
+        again = restarts(stamps, table)
         if len(again):
             raise table.error(
                 clock.column,
-                int(rows[again[0]]),
+                int(again[0]),
                 f"the clock starts again here ({len(again)} such place(s)), and rows before and behind are not of one "
                 'record: backward = "drop" would join them; leave it out',
             )
@@ -175,31 +173,6 @@ def longest_rising(values: np.ndarray) -> np.ndarray:
         keep[k] = True
         k = int(predecessors[k])
     return keep
-
-
-def usual_step(values: np.ndarray) -> float:
-    """The middle step of values (n,) between those that rise, 0 if none does."""
-    steps = np.diff(values)
-    return float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
-
-
-def restarts(stamps: np.ndarray) -> np.ndarray:
-    """Places (m,) in stamps (n,) at which the clock starts again, near where it first began, and goes on from there."""
-    places = np.flatnonzero(np.isfinite(stamps))
-    values = stamps[places]
-    falls = np.flatnonzero(np.diff(values) < 0) + 1
-    if not len(falls) or len(values) < SHORTEST:
-        return np.zeros(0, dtype=int)
-    step, first, starts = usual_step(values), values[0], [0]
-    for k in falls.tolist():
-        following = np.diff(values[k : k + SHORTEST])  # up to the end, or to where it falls again
-        following = following[: int(np.argmax(following < 0))] if np.any(following < 0) else following
-        before, few = k - starts[-1], min(k - starts[-1], len(following) + 1) < SHORTEST
-        near = values[k] <= first + (0.5 if few else max(AGAIN * before, GOES_ON)) * step
-        enough = before >= FEWEST and len(following) + 1 >= FEWEST
-        if near and enough and following.max() <= (EVENLY if few else GOES_ON) * step:
-            starts.append(k)
-    return places[np.array(starts[1:], dtype=int)]
 
 
 def _check_increasing(table: Table, clock: Clock, values: np.ndarray, rows: np.ndarray) -> None:

@@ -32,14 +32,16 @@ class Try:
     repair: dict[str, str] = field(default_factory=dict)
     content: bytes = b""
     clocks: tuple[str, ...] = ()  # of u and of y, in a mapping
+    experiment: str = ""  # of [range] in a mapping
 
     def arguments(self, folder: Path) -> tuple[Path, dict[str, Any]]:
         """The file in `folder`, and the arguments that read it."""
         for name, content in {**self.entry.beside, self.entry.file: self.content}.items():
             (folder / name).write_bytes(content)
         options = dict(self.options)
-        if self.repair or self.clocks:
-            lines = ["[repair]", *(f"{name} = {value}" for name, value in self.repair.items())]
+        if self.repair or self.clocks or self.experiment:
+            lines = [f'[range]\nexperiment = "{self.experiment}"'] if self.experiment else []
+            lines += ["[repair]", *(f"{name} = {value}" for name, value in self.repair.items())]
             for role, column, clock in zip(("input", "output"), "uy", self.clocks, strict=False):
                 lines += [f"[[{role}]]", f'column = "{column}"', f'clock = "{clock}"']
             (folder / "m.toml").write_text("\n".join(lines) + "\n")
@@ -198,6 +200,7 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"--range (\S+\d) or", lambda a, m, s: _option(a, range=_range(m[1]))),
     (r"--range (?:\S+ or )?([\d.:e+]+\d)(?:[;,]|$)", lambda a, m, s: _option(a, range=_range(m[1]))),
     (r"longest_gap and most_lost", _repair(longest_gap="1000000", most_lost="1.0")),
+    (r'experiment = "([^"]+)" under', lambda a, m, s: replace(a, experiment=m[1])),
     (r'backward = "drop"', _repair(backward='"drop"')),
     (r"remove the row|remove (?:it )?or (?:fill|correct)", lambda a, m, s: _edit(a, s, None)),
     (r"correct the cell: write (-?[\d.,e+]+)", lambda a, m, s: _edit(a, s, m[1])),
