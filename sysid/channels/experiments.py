@@ -12,19 +12,18 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.rates import same_rate
 from sysid.channels.clock import within_counter
-from sysid.channels.column import Column, column_of, numbers, parse_header, soft_numbers, words
+from sysid.channels.column import column_of, numbers, soft_numbers
 from sysid.channels.complaints import brief
 from sysid.channels.mapping import ChannelMap, Range
-from sysid.channels.repair import keep_rows, take_rows
+from sysid.channels.repair import keep_rows
 from sysid.channels.restarts import SHORTEST, pauses, restarts, usual_step
+from sysid.channels.run_columns import labels
 from sysid.channels.signals import Signals
 from sysid.channels.stamps import is_hour
 from sysid.data.table import Table
-from sysid.formats import EXPERIMENT_WORDS, RUN_WORDS
 
 # Limits chosen by hand; the logs of tests/corpus and of tests/contracts/test_experiments.py hold them.
 PERIODS = (60.0, 1e3, 3600.0, 6e4, 86400.0, 1e6, 1e9, *(2.0**k for k in range(8, 33)))  # of counters that wrap
-_NUMBER = words("index idx id nr no num number count")
 SHOWN = 6  # restarts in a sentence
 
 
@@ -36,63 +35,6 @@ def may_be_counter(stamps: np.ndarray, starts: np.ndarray) -> float:
     periods = [p for p in PERIODS if len(tops) and np.all(np.abs(tops - p) <= 0.01 * step)]
     periods = [p for p in periods if within_counter(shown, p).all()]
     return periods[0] if periods else 0.0
-
-
-def column_of_experiments(columns: dict[str, Column]) -> Column | None:
-    """The column that numbers experiments, by its name and whole numbers that stay for many rows and never return."""
-    for column in columns.values():
-        header, values = column.header.words, column.values
-        if not _may_number(header) or column.constant:
-            continue
-        if not np.isfinite(values).all() or not np.array_equal(values, np.rint(values)):
-            continue
-        borders = np.flatnonzero(np.diff(values)) + 1
-        numbers_in_turn = values[np.concatenate([[0], borders])]
-        lengths = np.diff([0, *borders.tolist(), len(values)])
-        switch = not header & EXPERIMENT_WORDS and set(numbers_in_turn.tolist()) == {0.0, 1.0}
-        if len(set(numbers_in_turn.tolist())) == len(numbers_in_turn) and lengths.min() >= SHORTEST and not switch:
-            return column
-    return None
-
-
-def in_blocks(table: Table, column: str = "") -> tuple[Table, str]:
-    """The table in which the rows of each experiment stand together, in their order, and a note; others as they are.
-
-    Two rigs that write one log take turns, so that their numbers stay for fewer rows than an experiment has; `column`
-    is that of the mapping, "" for one whose name says so.
-    """
-    likely = [name for name in table.names if name == column or (not column and _may_number(parse_header(name).words))]
-    for name in likely:
-        labels = _labels(table, name) or column_of(table, name)
-        x = labels.values
-        whole = len(x) and np.isfinite(x).all() and np.array_equal(x, np.rint(x)) and not labels.constant
-        numbers_of, counts = np.unique(x, return_counts=True) if whole else (x, np.zeros(1))
-        if not whole or counts.min() < SHORTEST or len(x) >= SHORTEST * (np.count_nonzero(np.diff(x)) + 1):
-            continue
-        if len({len(cells) for cells in table.columns}) > 1:
-            continue
-        note = f"the rows of {len(numbers_of)} experiments stand among each other: they were parted by column {name!r}"
-        return take_rows(table, np.argsort(x, kind="stable"), len(x)), note
-    return table, ""
-
-
-def _may_number(header: frozenset[str]) -> bool:
-    """Whether the words of a name say that the column numbers experiments."""
-    return bool(header & (EXPERIMENT_WORDS | RUN_WORDS)) and header <= EXPERIMENT_WORDS | RUN_WORDS | _NUMBER
-
-
-def labels_of(table: Table) -> dict[str, Column]:
-    """The columns that name experiments in words, such as A, A, B, as numbers of these words."""
-    headers = {name: parse_header(name).words for name in table.names}
-    likely = [name for name, words in headers.items() if _may_number(words)]
-    return {name: labels for name in likely if (labels := _labels(table, name)) is not None}
-
-
-def _labels(table: Table, name: str) -> Column | None:
-    cells = table.columns[table.names.index(name)]
-    if not len(cells) or not isinstance(cells[0], str) or np.isfinite(soft_numbers(table, name)).any():
-        return None
-    return Column(parse_header(name), np.unique(np.asarray(list(cells)), return_inverse=True)[1].astype(float))
 
 
 def pieces_of(table: Table, mapping: ChannelMap) -> list[tuple[int, int]]:
@@ -126,8 +68,8 @@ def _starts_of(table: Table, column: str, longest: int) -> np.ndarray:
     """Places (m,) at which experiments start by a column that numbers or names them, or a clock, which rises in most
     rows: there also behind each pause of more than `longest` samples.
     """
-    if (labels := _labels(table, column)) is not None:
-        return np.flatnonzero(np.diff(labels.values)) + 1
+    if (named := labels(table, column)) is not None:
+        return np.flatnonzero(np.diff(named.values)) + 1
     steps = np.diff(column_of(table, column).finite)
     if len(steps) and np.median(steps) > 0:
         return starts_of_clock(table, column, longest, every=True)
@@ -150,10 +92,15 @@ def starts_of_clock(table: Table, column: str, longest: int = 0, every: bool = F
 def note_on_falls(table: Table, mapping: ChannelMap) -> list[str]:
     """What is said of a clock that falls back by less than it has gone: another experiment, or a clock set right."""
     column = mapping.clock.column or mapping.range.experiment
-    if not column or mapping.clock.period or _labels(table, column) is not None:
+    if (
+        not column
+        or mapping.range.experiment not in ("", column)
+        or mapping.clock.period
+        or labels(table, column) is not None
+    ):
         return []
     stamps = soft_numbers(table, column)
-    starts = starts_of_clock(table, column)
+    starts = restarts(stamps, table) if labels(table, column) is None else np.zeros(0, dtype=int)
     back = [k for k in starts.tolist() if stamps[0] < stamps[k] < stamps[k - 1] and column_of(table, column).rising]
     if not back:
         return []

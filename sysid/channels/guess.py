@@ -30,14 +30,7 @@ from sysid.channels.column import (
 )
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import COUNTS, convert, is_time, seconds
-from sysid.channels.experiments import (
-    column_of_experiments,
-    doubt_of_starts,
-    in_blocks,
-    labels_of,
-    rows_text,
-    starts_of_clock,
-)
+from sysid.channels.experiments import doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
@@ -51,6 +44,7 @@ from sysid.channels.roles import (
     is_counter,
     switch_of,
 )
+from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
 from sysid.data.table import Table
 from sysid.data.words import Word, with_sign, word_of
 from sysid.formats import read_table
@@ -106,7 +100,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     """
     if not isinstance(table, Table):
         table = read_table(table)
-    table, turns = in_blocks(table)
+    named = (given.input, given.output, given.time, *chain.from_iterable((given.more or {}).values()))
+    table, rigs, turns = in_blocks(table, used=named)
     table = oldest_first(table)
     columns = numeric_columns(table)
     if not columns:
@@ -116,7 +111,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         form = f"such as {cell!r}; give one number a cell, parted by commas, semicolons, tabs or blanks"
         raise InputError(f"{table.path}: {message}{f': {reason}' if reason else f', {form}' if cell else ''}")
     further = given.more or {}
-    for name in (given.input, given.output, given.time, *chain.from_iterable(further.values())):
+    for name in named:
         if name is not None and name not in columns:
             numbers(table, name)  # which says what it lacks
     ruled, note = with_own_clocks(table)
@@ -142,7 +137,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     clock = choice.clock or Clock()
     times = (clock.column, choice.unused, *choice.same, *others)
     signals = {name: column for name, column in columns.items() if name not in times and not column.dated}
-    experiments = column_of_experiments({**signals, **labels_of(table)})
+    experiments = labels(table, rigs) or columns[rigs] if rigs else None
+    experiments = experiments or column_of_experiments({**signals, **labels_of(table)})
     if experiments is not None and experiments.name not in (given.input, given.output):
         signals.pop(experiments.name, None)
     else:
@@ -171,7 +167,10 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         _tell_starts(table, by_clock, starts[by_clock], unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
-    why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments else []
+    why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments and not rigs else []
+    if not numbered:
+        used = {mapping.range.drive, *named, *(c.name for c in roles.values() if c is not None)}
+        why += note_on_stretches(table, {name: c for name, c in signals.items() if name not in used})
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

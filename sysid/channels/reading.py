@@ -17,7 +17,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
 from sysid.channels.column import numbers
-from sysid.channels.experiments import SHORTEST, alone, cut, in_blocks, join, note_on_falls, pieces_of
+from sysid.channels.experiments import alone, cut, join, note_on_falls, pieces_of
 from sysid.channels.fresh import with_fresh_rows
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
 from sysid.channels.guess import Given, guess
@@ -27,6 +27,8 @@ from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_clocks
 from sysid.channels.rates import at_output
 from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
+from sysid.channels.restarts import SHORTEST
+from sysid.channels.run_columns import in_blocks
 from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
 from sysid.channels.stamps import read_stamps, values_at
 from sysid.data.missing import runs
@@ -111,7 +113,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
     mapping, guessed = complete(table, mapping)
-    table, turns = in_blocks(table, mapping.range.experiment) if mapping.range.experiment else (table, "")
+    table, _, turns = in_blocks(table, mapping.range.experiment) if mapping.range.experiment else (table, "", "")
     table = oldest_first(table)
     notes, drive = (*notes, *guessed), mapping.range.drive
     notes = (*notes, turns) if turns and turns not in notes else notes

@@ -13,8 +13,9 @@ from sysid.data.table import Table
 EXPERIMENT = "experiment"  # the column that numbers them
 TIME = "time_s"  # of experiments whose sampling times differ
 # Words for experiments in the names of columns, structs and lists; the second may also be switches or counters.
-EXPERIMENT_WORDS = {"episode", "trial", "exp", "experiment", "rep", "repetition", "session", "segment", "versuch"}
-RUN_WORDS = {"run", "test", "cycle"}
+EXPERIMENT_WORDS = {"episode", "ep", "trial", "attempt", "exp", "experiment", "rep", "repetition", "session", "segment"}
+EXPERIMENT_WORDS |= {"versuch", "messung"}
+RUN_WORDS = {"run", "test", "cycle", "iteration", "batch"}
 NAMES = re.compile(rf"({'|'.join(sorted(EXPERIMENT_WORDS | RUN_WORDS))})s?", re.IGNORECASE)
 FEWEST = 2  # columns of an experiment
 # What a writer calls the sampling time or its inverse, the sampling rate [Hz], and the time [s] of such a number.

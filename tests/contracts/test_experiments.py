@@ -219,3 +219,67 @@ def test_columns_that_only_look_like_experiments(tmp_path):
     ):
         path = write(tmp_path / "a.csv", header, parts((100,)), row)
         assert read_record(path, input="u_V", output="y_rad").data.lengths == (100,)
+
+
+@pytest.mark.parametrize(("count", "N"), [(10, 10), (12, 10), (60, 20)])
+@pytest.mark.parametrize("episode", [True, False])
+def test_steps_of_more_episodes_than_each_has(count, N, episode, tmp_path):
+    """A column that counts row by row and starts again never tells runs apart that take turns."""
+    records = parts((N,) * count)
+    header, row = ["step", "u", "y"], lambda k, i: (i,)
+    if episode:
+        header, row = ["episode", *header], lambda k, i: (k, i)
+    record = read_record(write(tmp_path / "a.csv", header, records, row), Ts=0.05)
+    assert record.data.lengths == (N,) * count
+    np.testing.assert_allclose(record.data.y[:, 0], np.concatenate([y for _, y in records]), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["attempt", "Messung", "batch", "iteration", "ep", "source_file"])
+def test_more_names_of_columns_that_number_experiments(name, tmp_path):
+    records = parts((60, 80, 60))
+    path = write(tmp_path / "a.csv", ["t_s", name, "u", "y"], records, lambda k, i: (0.02 * (100 * k + i), k + 1))
+    assert read_record(path, input="u", output="y").data.lengths == (60, 80, 60)
+
+
+@pytest.mark.parametrize("name", ["label", "id", "seq"])
+def test_a_column_of_long_stretches_is_told_with_the_entry_that_parts(name, tmp_path):
+    records = parts((60, 80, 60))
+    starts = (0, 60, 140)
+    path = write(tmp_path / "a.csv", ["t_s", name, "u", "y"], records, lambda k, i: (0.02 * (starts[k] + i), k + 1))
+    record = read_record(path, input="u", output="y")
+    assert record.data.lengths == (200,)
+    assert any(f'set experiment = "{name}" under [range]' in note for note in record.notes)
+    main(["info", str(path), "--input", "u", "--output", "y", "--write-map", str(tmp_path / "m.toml")])
+    mapping = (tmp_path / "m.toml").read_text().replace('experiment = ""', f'experiment = "{name}"')
+    (tmp_path / "m.toml").write_text(mapping)
+    assert read_record(path, mapping=tmp_path / "m.toml").data.lengths == (60, 80, 60)
+
+
+def motors(path, name, later, decimals=4):
+    """Rows of two motors in turns, the second `later` [s] than the first; and what was recorded of each."""
+    records = parts((100, 100))
+    lines = [f"time,{name},voltage,speed"]
+    for i in range(100):
+        for k, (u, y) in enumerate(records):
+            lines.append(f"{0.02 * i + k * later:.{decimals}f},{k + 1},{u[i]:.7g},{y[i]:.7g}")
+    path.write_text("\n".join([*lines, ""]))
+    return records
+
+
+@pytest.mark.parametrize("later", [0.0, 0.001])
+@pytest.mark.parametrize("name", ["motor_id", "joint", "node"])
+@pytest.mark.parametrize("given", [{}, {"Ts": 0.02}])
+def test_two_motors_in_turns(later, name, given, tmp_path):
+    """Each has an even clock of its own, and all rows as they stand have none."""
+    records = motors(tmp_path / "a.csv", name, later)
+    record = read_record(tmp_path / "a.csv", input="voltage", output="speed", **given)
+    assert record.data.lengths == (100, 100)
+    assert not any("set back" in note for note in record.notes)
+    for part, (u, y) in zip(record.data.experiments, records, strict=True):
+        np.testing.assert_allclose(part.u[:, 0], u, atol=1e-6)
+        np.testing.assert_allclose(part.y[:, 0], y, atol=1e-6)
+
+
+def test_a_column_that_alternates_beside_an_even_clock_parts_nothing(tmp_path):
+    motors(tmp_path / "a.csv", "phase", 0.01)
+    assert read_record(tmp_path / "a.csv", input="voltage", output="speed").data.lengths == (200,)

@@ -28,7 +28,19 @@ def structs(**more: float) -> bytes:
 
 OVER_MIDNIGHT = [f"23:59:{59.5 + t:04.1f}" if t < 0.5 else f"00:00:{t - 0.5:04.1f}" for t in T]
 
+LATER = [f"{t + 0.6:.1f},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True)]
+PAUSED = [f"{t + 60:.1f},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True)]
+MOTORS = [f"{t + 0.01 * k:.2f},{k},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True) for k in (1, 2)]
+STEPS = [f"{k},{u:g},{y:g}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+
 LOGS: dict[str, Log] = {
+    "a second run that starts later than the first": log(lines("t,u,y", ROWS.split() + LATER), TWICE),
+    "a second run that starts later, the sampling time given": log(lines("t,u,y", ROWS.split() + LATER), TWICE, Ts=TS),
+    "a second run behind a pause longer than the runs": log(lines("t,u,y", ROWS.split() + PAUSED), TWICE),
+    "a second run behind a pause, the sampling time given": log(lines("t,u,y", ROWS.split() + PAUSED), TWICE, Ts=TS),
+    "two motors in turns, a hundredth of a second apart": log(lines("t,motor,u,y", MOTORS), TWICE),
+    "two motors in turns, the sampling time given": log(lines("t,motor,u,y", MOTORS), TWICE, Ts=TS),
+    "more runs than steps, the steps numbered": log(lines("step,u,y", STEPS * 13), Right(U * 13, Y * 13), Ts=TS),
     "runs that take turns": log(lines("run,t,u,y", TURNS), TWICE),
     "trials that take turns, a name for each": log(
         lines(
