@@ -1,5 +1,6 @@
 """Long tables: one row for each value, with its time and the name of its signal, as data bases export them."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -7,15 +8,17 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.table import Table, is_number
+from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS
 from sysid.formats._unit_names import units_of
 
 KEYS = {"key", "name", "topic", "signal", "channel", "variable", "field", "_field", "sensor", "series", "metric", "tag"}
+KEYS |= {"entity_id"}  # of Home Assistant, whose history has entity_id, state, last_changed
 VALUES = {"value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
 UNITS = {"unit", "units", "einheit"}
 MOST = 200  # names: more are texts of another kind
 REPEATED = 2.0  # rows of a name on the average, at least
 LARGEST = 1 << 28  # cells of the table that is made
-WORDS = {"true": 1.0, "false": 0.0}
+WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 
 
 def pivoted(table: Table) -> Table:
@@ -24,18 +27,21 @@ def pivoted(table: Table) -> Table:
     Rows of one time become one. Raises InputError where the table would be too large.
     """
     columns = {name.strip().lower(): j for j, name in enumerate(table.names)}
-    keys, values, units = (_column(columns, names) for names in (KEYS, VALUES, UNITS))
-    if keys is None or values is None or len({len(cells) for cells in table.columns}) != 1:
+    keys, values, units = _columns(columns, KEYS), _value_column(columns), _column(columns, UNITS)
+    if not keys or values is None or len({len(cells) for cells in table.columns}) != 1:
         return table
-    names = [str(name).strip() for name in _texts(table.columns[keys])]
+    names = _names(table, keys)
     distinct = list(dict.fromkeys(names))
-    others = [j for j in range(len(table.names)) if j not in (keys, values, units)]
-    times = [j for j in others if _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) != 0)]
+    others = [j for j in range(len(table.names)) if j not in (*keys, values, units)]
+    runs = [j for j in others if set(re.split("[^a-z]+", table.names[j].lower())) & (EXPERIMENT_WORDS | RUN_WORDS)][:1]
+    times = [
+        j for j in others if j not in runs and _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) != 0)
+    ]
     if not 2 <= len(distinct) <= min(MOST, len(names) / REPEATED) or len(times) != 1 or "" in distinct:
         return table
     group = np.unique(names, return_inverse=True)[1]
     group = np.array([distinct.index(name) for name in np.unique(names)])[group]
-    order, row = _rows(_floats(table, times[0]), group)
+    order, row = _rows_of_runs(table, runs, _floats(table, times[0]), group)
     if (row[-1] + 1) * len(distinct) > LARGEST:
         raise InputError(
             f"{table.path}: a table of {len(names)} values of {len(distinct)} names would have {row[-1] + 1} rows, "
@@ -44,7 +50,8 @@ def pivoted(table: Table) -> Table:
     cells = _values(table, values)
     first = np.flatnonzero(np.diff(row, prepend=-1))  # the first value of each row
     time, rows = table.names[times[0]], np.asarray(table.rows[times[0]])[order][first]
-    new = {time: _floats(table, times[0])[order][first]}
+    new: dict[str, Sequence[str] | np.ndarray] = {table.names[j]: _taken(table, j, order[first]) for j in runs}
+    new[time] = _floats(table, times[0])[order][first]
     left_out = []
     for k, name in enumerate(distinct):
         mine = order[group[order] == k]
@@ -53,8 +60,8 @@ def pivoted(table: Table) -> Table:
             continue
         column = np.full(row[-1] + 1, np.nan)
         column[row[group[order] == k]] = cells[mine]
-        new[name if name != time else f"{name} ({table.names[keys]})"] = column
-    notes = [f"a table of one value a row: each name in {table.names[keys]!r} became a column ({', '.join(new)})"]
+        new[name if name not in new else f"{name} ({table.names[keys[0]]})"] = column
+    notes = [f"a table of one value a row: each name in {table.names[keys[0]]!r} became a column ({', '.join(new)})"]
     notes += [f"left out {', '.join(left_out)}: no numbers"] if left_out else []
     return replace(
         table,
@@ -70,7 +77,38 @@ def pivoted(table: Table) -> Table:
 def may_be_long(names: Sequence[str]) -> bool:
     """Whether the names of columns are those of a long table."""
     columns = {name.strip().lower(): j for j, name in enumerate(names)}
-    return _column(columns, KEYS) is not None and _column(columns, VALUES) is not None
+    return bool(_columns(columns, KEYS)) and _value_column(columns) is not None
+
+
+def _names(table: Table, keys: Sequence[int]) -> list[str]:
+    """The name (n,) of each value: the words of the columns `keys`, of those alone that tell further signals apart."""
+    names, count = [""] * len(table.columns[keys[0]]), 1
+    for j in keys:
+        texts = [str(text).strip() for text in _texts(table.columns[j])]
+        longer = [f"{name}.{text}" if name else text for name, text in zip(names, texts, strict=True)]
+        if len(set(longer)) > count or len(keys) == 1:
+            names, count = longer, len(set(longer))
+    return names
+
+
+def _rows_of_runs(table: Table, runs: Sequence[int], t: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same as `_rows`, run by run where a column tells these apart."""
+    if not runs:
+        return _rows(t, group)
+    number = np.unique(np.asarray(_texts(table.columns[runs[0]])), return_inverse=True)[1]
+    orders, rows, count = [], [], 0
+    for run in dict.fromkeys(number.tolist()):
+        mine = np.flatnonzero(number == run)
+        order, row = _rows(t[mine], group[mine])
+        orders.append(mine[order])
+        rows.append(row + count)
+        count += int(row[-1]) + 1
+    return np.concatenate(orders), np.concatenate(rows)
+
+
+def _taken(table: Table, j: int, chosen: np.ndarray) -> Sequence[str] | np.ndarray:
+    cells = table.columns[j]
+    return _floats(table, j)[chosen] if _is_numeric(cells) else [str(cells[k]) for k in chosen.tolist()]
 
 
 def _rows(t: np.ndarray, group: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -111,8 +149,16 @@ def _units(table: Table, names: Sequence[str], j: int | None, time: str, distinc
 
 
 def _column(columns: dict[str, int], names: set[str]) -> int | None:
-    places = [j for name, j in columns.items() if name in names]
+    places = _columns(columns, names)
     return places[0] if len(places) == 1 else None
+
+
+def _value_column(columns: dict[str, int]) -> int | None:
+    return _column(columns, VALUES) if _columns(columns, VALUES) else columns.get("state")
+
+
+def _columns(columns: dict[str, int], names: set[str]) -> list[int]:
+    return [j for name, j in columns.items() if name in names]
 
 
 def _texts(cells: Sequence[str] | np.ndarray) -> list[str]:

@@ -11,8 +11,20 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._format import Format
+from sysid.formats._long_table import KEYS
 from sysid.formats._unit_names import units_of
 
+STAMPS = {
+    "t",
+    "time",
+    "times",
+    "timestamp",
+    "timestamps",
+    "stamp",
+    "stamps",
+    "ts",
+    "x",
+}  # beside the values of one signal
 LINES = object()  # stands for a file that holds one value a line
 
 
@@ -21,7 +33,8 @@ class JsonRecords(Format):
 
     Samples are objects, one column a key: a nested key is called a.b, element k (from 0) of a list a[k]. An object may
     hold lists of numbers, which are columns, or lists of samples, whose columns are called list.key unless there is but
-    one list. All else in it is `meta`. true and false are 1 and 0; null is no value.
+    one list. A list of signals, each with its name, its values and, where it has any, its stamps, gives the columns of
+    each. All else in it is `meta`. true and false are 1 and 0; null is no value.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".json", ".jsonl", ".ndjson")
@@ -117,6 +130,9 @@ class _Columns:
             samples = [
                 {f"{prefix}:{j + 1}" if prefix else str(j + 1): cell for j, cell in enumerate(e)} for e in entries
             ]
+        elif signals := _signals_by_name(entries):
+            self._object(prefix, signals, self.meta)
+            return
         elif all(map(_is_experiment, entries)) and len(entries) < min(map(_length, entries)):
             for k, entry in enumerate(entries, start=1):
                 name = f"{prefix or 'experiment'}({k})"
@@ -280,6 +296,18 @@ def _is_experiment(entry: Any) -> bool:
     lists = [value for value in entry.values() if isinstance(value, list)] if isinstance(entry, dict) else []
     samples = len(lists) == 1 and _all(lists[0], dict)
     return samples or (len(lists) > 1 and len(set(map(len, lists))) == 1 and all(map(_is_signal, lists)))
+
+
+def _signals_by_name(entries: list[Any]) -> dict[str, Any]:
+    """The entries of a list by their names, where each is one signal: a list of values, alone or beside its stamps."""
+    signals = {}
+    for entry in entries if len(entries) > 1 and _all(entries, dict) else []:
+        name = next((entry[key] for key in entry if key.lower() in KEYS and isinstance(entry[key], str)), "")
+        lists = {key: value for key, value in entry.items() if isinstance(value, list) and len(value) > len(entries)}
+        if not name or len([key for key in lists if key.lower() not in STAMPS]) != 1 or len(lists) > 2:
+            return {}
+        signals[name] = lists
+    return signals if len(signals) == len(entries) else {}
 
 
 def _length(entry: dict[str, Any]) -> int:

@@ -31,6 +31,13 @@ OVER_MIDNIGHT = [f"23:59:{59.5 + t:04.1f}" if t < 0.5 else f"00:00:{t - 0.5:04.1
 LATER = [f"{t + 0.6:.1f},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True)]
 PAUSED = [f"{t + 60:.1f},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True)]
 MOTORS = [f"{t + 0.01 * k:.2f},{k},{u:g},{y:g}" for t, u, y in zip(T, U, Y, strict=True) for k in (1, 2)]
+SIGNALS = [{"name": name, "time": list(T), "values": list(x)} for name, x in (("u", U), ("y", Y))]
+FIELDS = [f"{t:.1f},/{key},data,{x:g}" for t, u, y in zip(T, U, Y, strict=True) for key, x in (("cmd", u), ("enc", y))]
+ENTITIES = [
+    f"{name},{x:g},2026-03-01T12:00:{2 * k:02d}.000Z"
+    for name, values in (("number.valve", U), ("sensor.temp", Y))
+    for k, x in enumerate(values)
+]
 STEPS = [f"{k},{u:g},{y:g}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
 
 LOGS: dict[str, Log] = {
@@ -40,6 +47,43 @@ LOGS: dict[str, Log] = {
     "a second run behind a pause, the sampling time given": log(lines("t,u,y", ROWS.split() + PAUSED), TWICE, Ts=TS),
     "two motors in turns, a hundredth of a second apart": log(lines("t,motor,u,y", MOTORS), TWICE),
     "two motors in turns, the sampling time given": log(lines("t,motor,u,y", MOTORS), TWICE, Ts=TS),
+    "signals by name in JSON": log(json.dumps(SIGNALS), file="a.json"),
+    "signals by name in an object in JSON": log(json.dumps({"rig": "A", "signals": SIGNALS}), file="a.json"),
+    "signals by name without stamps in JSON": log(
+        json.dumps([{"name": each["name"], "values": each["values"]} for each in SIGNALS]), file="a.json", Ts=TS
+    ),
+    "signals by name with samples in JSON": log(
+        json.dumps(
+            [
+                {"signal": name, "data": [{"t": t, "v": v} for t, v in zip(T, x, strict=True)]}
+                for name, x in (("u", U), ("y", Y))
+            ]
+        ),
+        file="a.json",
+    ),
+    "long table with a column of runs": log(
+        lines("run,time,name,value", [f"{run},{row}" for run in (1, 2) for row in LONG]), TWICE
+    ),
+    "long table with a column of runs in words": log(
+        lines("trial,time,name,value", [f"{run},{row}" for run in ("slow", "fast") for row in LONG]), TWICE
+    ),
+    "long table with topics and fields": log(lines("timestamp,topic,field,value", FIELDS), input="/cmd", output="/enc"),
+    "long table with two fields of two topics": log(
+        lines(
+            "timestamp,topic,field,value",
+            [
+                f"{t:.1f},/m{k},{field},{x + k - 1:g}"
+                for t, u, y in zip(T, U, Y, strict=True)
+                for k in (1, 2)
+                for field, x in (("u", u), ("y", y))
+            ],
+        ),
+        input="/m1.u",
+        output="/m1.y",
+    ),
+    "history of Home Assistant": log(
+        lines("entity_id,state,last_changed", ENTITIES), Right(Ts=2.0), input="number.valve", output="sensor.temp"
+    ),
     "more runs than steps, the steps numbered": log(lines("step,u,y", STEPS * 13), Right(U * 13, Y * 13), Ts=TS),
     "runs that take turns": log(lines("run,t,u,y", TURNS), TWICE),
     "trials that take turns, a name for each": log(
