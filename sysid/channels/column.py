@@ -18,6 +18,7 @@ RISING = 0.9  # of the steps of a clock; the others are repeated stamps, wraps, 
 ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle one
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--")
 FEW = 10  # cells of a column without numbers that are looked at: one of another kind may stand above them
+SWITCH_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 IN = re.compile(r"(?<=\S)\s+in\s+(?=\S)")  # before a unit
 # Within the brackets of a clock's name, and no unit.
 RELATIVE = {"relative", "rel", "elapsed", "absolute", "abs", "raw", "local", "utc", "gmt", "start", "-", "1", ""}
@@ -212,6 +213,8 @@ def numbers(table: Table, name: str, entry: str = "", fill: bool = False) -> np.
         low, high = cells.min(), cells.max()  # nan if one is
         if low >= -LARGEST and high <= LARGEST:
             return cells  # no copy: a long record would be held twice
+    if (switched := switch_words(table, name)) is not None and (fill or np.isfinite(switched).all()):
+        return switched
     if not fill:
         return table.numbers(name)
     if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
@@ -237,6 +240,24 @@ def soft_numbers(table: Table, name: str) -> np.ndarray:
         return np.array([float(text) for text in texts])
     except ValueError:
         return np.array([float(text) if is_number(text) else np.nan for text in texts])
+
+
+def switch_words(table: Table, name: str) -> np.ndarray | None:
+    """A column of true and false, or of on and off, as 1 and 0 (n,), nan for cells without a value; None for others.
+
+    Only where the column is asked for: a flag that nobody names is neither input nor output.
+    """
+    cells = table.columns[table.names.index(name)]
+    if isinstance(cells, np.ndarray) and cells.dtype.kind in "biuf":
+        return None
+    found: dict[str, float] = {}
+    for cell in cells:
+        if cell not in found:
+            word = str(cell).strip().lower()
+            if word not in SWITCH_WORDS and word not in EMPTY:
+                return None
+            found[cell] = SWITCH_WORDS.get(word, np.nan)
+    return np.array([found[cell] for cell in cells]) if np.isfinite(list(found.values())).any() else None
 
 
 def misspelt_number(table: Table, numeric: Container[str], single: str = "") -> str:

@@ -26,6 +26,7 @@ from sysid.channels.column import (
     numeric_columns,
     parse_header,
     soft_numbers,
+    switch_words,
     unit_in_brackets,
 )
 from sysid.channels.complaints import brief, list_names
@@ -42,6 +43,7 @@ from sysid.channels.roles import (
     choose_signals,
     doubts_of_roles,
     is_counter,
+    is_switch,
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
@@ -78,7 +80,8 @@ class Guess:
 class Given:
     """What a person has said already: columns, the unit of the clock, the sampling time [s].
 
-    `more` are the further columns of a role that has several; `drive` is that of [range], "" where there is none.
+    `more` are the further columns of a role that has several; `drive` and `experiment` are those of [range], "" where
+    there is none.
     """
 
     input: str | None = None
@@ -88,6 +91,7 @@ class Given:
     Ts: float | None = None
     more: Mapping[str, tuple[str, ...]] | None = None
     drive: str | None = None
+    experiment: str | None = None
 
 
 @checked
@@ -112,8 +116,11 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         raise InputError(f"{table.path}: {message}{f': {reason}' if reason else f', {form}' if cell else ''}")
     further = given.more or {}
     for name in named:
-        if name is not None and name not in columns:
-            numbers(table, name)  # which says what it lacks
+        if name is not None and name not in columns:  # words of a switch, or a sentence on what it lacks
+            columns[name] = Column(parse_header(name), numbers(table, name))
+    for name in table.names:
+        if is_switch(parse_header(name)) and (switched := switch_words(table, name)) is not None:
+            columns[name] = Column(parse_header(name), switched)
     ruled, note = with_own_clocks(table)
     if note and given.time in (None, *ruled.clocks.values()):
         table = ruled
@@ -168,9 +175,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments and not rigs else []
-    if not numbered:
-        used = {mapping.range.drive, *named, *(c.name for c in roles.values() if c is not None)}
-        why += note_on_stretches(table, {name: c for name, c in signals.items() if name not in used})
+    if not numbered and not given.experiment:
+        used = {mapping.range.drive, *named, *(column.name for column in roles.values() if column is not None)}
+        why += note_on_stretches(table, signals, used)
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
 
 

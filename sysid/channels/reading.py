@@ -63,7 +63,8 @@ def complete(table: Table, mapping: ChannelMap) -> tuple[ChannelMap, tuple[str, 
     part = mapping.range
     if not mapping.model_fields_set or mapping.model_fields_set - {"range", "repair"}:
         return mapping, ()
-    result = guess(table, Given(drive=part.drive if "drive" in part.model_fields_set else None))
+    drive = part.drive if "drive" in part.model_fields_set else None
+    result = guess(table, Given(drive=drive, experiment=part.experiment or None))
     columns = result.sure(table)
     own = columns.range
     part = part.model_copy(update={"drive": part.drive or own.drive, "experiment": part.experiment or own.experiment})

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sysid.channels.column import Column, misspelt_number, parse_header, words
+from sysid.channels.column import Column, Header, misspelt_number, parse_header, words
 from sysid.channels.complaints import list_names
 from sysid.channels.conversion import convert
 from sysid.data.table import Table
@@ -177,13 +177,18 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
 NO_SWITCH = 'if it says something else, write drive = "" under [range] in a mapping, which uses every row'
 
 
+def is_switch(header: Header) -> bool:
+    """Whether the name of a column says that it tells when the drive is on."""
+    return header.has(SWITCH) and header.words <= SWITCH | _DRIVE
+
+
 def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, str]:
     """The column that says when the drive is on, 0 and another value, if it is one; and what was made of its kind.
 
     `names` are those of all columns, also of text.
     """
     headers = {name: columns[name].header if name in columns else parse_header(name) for name in names}
-    likely = [name for name, h in headers.items() if h.has(SWITCH) and h.words <= SWITCH | _DRIVE]
+    likely = [name for name, header in headers.items() if is_switch(header)]
     likely = [
         name for name in likely if name not in columns or not columns[name].finite.all() or not columns[name].constant
     ]

@@ -31,28 +31,29 @@ def column_of_experiments(columns: Mapping[str, Column]) -> Column | None:
     return None
 
 
-def note_on_stretches(table: Table, columns: Mapping[str, Column]) -> list[str]:
-    """What is said of the first column that stays for long stretches, as one that numbers experiments does, but whose
-    name does not say so; `columns` are the numbers that are not used.
+def note_on_stretches(table: Table, columns: Mapping[str, Column], used: Collection[str | None]) -> list[str]:
+    """What is said of the first column that stays for long stretches, as one that tells experiments apart does, but
+    whose name does not say so; `columns` are those of numbers, and those that are `used` are none. Words may come
+    again, as RUN and IDLE do.
     """
     texts = {name: column for name in table.names if (column := labels(table, name)) is not None}
     for name, column in {**columns, **texts}.items():
-        if role_by_name(column) in ("", "none") and _in_stretches(column):
-            count = len(np.unique(column.values))
+        if name not in used and role_by_name(column) in ("", "none") and _in_stretches(column, name in texts):
+            count = 1 + np.count_nonzero(np.diff(column.values))
             return [
                 f"column {name!r} stays in each of {count} stretches of rows and is not used: if it tells experiments "
-                f'apart, set experiment = "{brief(name)}" under [range] in a mapping'
+                f'apart, set experiment = "{brief(name)}" under [range] in a mapping, and part for one of them alone'
             ]
     return []
 
 
-def _in_stretches(column: Column) -> bool:
-    """Whether whole numbers stay for as many rows as an experiment has, and never return."""
+def _in_stretches(column: Column, again: bool = False) -> bool:
+    """Whether whole numbers stay for as many rows as an experiment has, and never return, if not `again`."""
     x = column.values
     if column.constant or not np.isfinite(x).all() or not np.array_equal(x, np.rint(x)):
         return False
     borders = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
-    return len(np.unique(x)) == len(borders) - 1 and int(np.diff(borders).min()) >= SHORTEST
+    return (again or len(np.unique(x)) == len(borders) - 1) and int(np.diff(borders).min()) >= SHORTEST
 
 
 def in_blocks(table: Table, column: str = "", used: Collection[str | None] = ()) -> tuple[Table, str, str]:

@@ -283,3 +283,40 @@ def test_two_motors_in_turns(later, name, given, tmp_path):
 def test_a_column_that_alternates_beside_an_even_clock_parts_nothing(tmp_path):
     motors(tmp_path / "a.csv", "phase", 0.01)
     assert read_record(tmp_path / "a.csv", input="voltage", output="speed").data.lengths == (200,)
+
+
+def with_switch(path, name, words):
+    """100 rows of which rows 20 to 79 are on, in these words (off, on)."""
+    u, y = first_order(100, 8)
+    lines = [f"{0.02 * i:.2f},{u[i]:.7g},{y[i]:.7g},{words[20 <= i < 80]}" for i in range(100)]
+    path.write_text("\n".join([f"t_s,u_V,y_rad,{name}", *lines, ""]))
+    return u[20:80], y[20:80]
+
+
+@pytest.mark.parametrize("words", [("False", "True"), ("off", "ON"), ("0", "1")])
+def test_a_switch_in_words_is_read_as_one_in_numbers(words, tmp_path):
+    u, y = with_switch(tmp_path / "a.csv", "enabled", words)
+    (tmp_path / "m.toml").write_text('[range]\nactive = "enabled"\n')
+    for given in ({}, {"mapping": tmp_path / "m.toml"}):
+        record = read_record(tmp_path / "a.csv", **given)
+        np.testing.assert_allclose(record.data.u[:, 0], u, atol=1e-6)
+        np.testing.assert_allclose(record.data.y[:, 0], y, atol=1e-6)
+        assert not any("is not used" in note for note in record.notes)
+
+
+def test_an_input_of_true_and_false(tmp_path):
+    u = np.repeat(np.random.default_rng(9).random(10) > 0.5, 10)
+    lines = [f"{0.02 * i:.2f},{u[i]},{np.sin(0.1 * i):.7g}" for i in range(100)]
+    (tmp_path / "a.csv").write_text("\n".join(["t_s,heater_on,temp", *lines, ""]))
+    data = read_record(tmp_path / "a.csv", input="heater_on", output="temp").data
+    np.testing.assert_array_equal(data.u[:, 0], u)
+
+
+def test_states_in_words_are_told_with_the_entry_that_parts(tmp_path):
+    _, y = with_switch(tmp_path / "a.csv", "state", ("IDLE", "RUN"))
+    record = read_record(tmp_path / "a.csv")
+    assert any('set experiment = "state" under [range]' in note and "3 stretches" in note for note in record.notes)
+    (tmp_path / "m.toml").write_text('[range]\nexperiment = "state"\npart = 2\n')
+    record = read_record(tmp_path / "a.csv", mapping=tmp_path / "m.toml")
+    np.testing.assert_allclose(record.data.y[:, 0], y, atol=1e-6)
+    assert not any("is not used" in note for note in record.notes)
