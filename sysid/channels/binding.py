@@ -47,8 +47,12 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
             conflict = f"twice {use}" if first == use else f"{first} and {use}"
             raise InputError(f"{table.path}: column {brief(channel.column)!r} is given {conflict}; name two columns")
         uses[channel.column] = use
-    factors = [channel.times for _, channel, _ in channels]
-    for entry, columns in (("times of the mapping", factors), ("active of [range]", [mapping.range.active])):
+    factors, directions = ([getattr(c, entry) for _, c, _ in channels] for entry in ("times", "direction"))
+    for entry, columns in (
+        ("times of the mapping", factors),
+        ("direction of the mapping", directions),
+        ("active of [range]", [mapping.range.active]),
+    ):
         if clock.column and clock.column in columns:
             raise InputError(f"{table.path}: {entry} is the clock {brief(clock.column)!r}; name another column")
     dated = clock.column in table.dates or clock.column in table.timed
@@ -174,8 +178,9 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         values = _calibrate(table, channel, entry, x, fill) * (channel.sign * unit.factor)
     overflow = np.isinf(values) | (np.isnan(values) & np.isfinite(x))
-    if channel.times and overflow.any():
-        overflow &= np.isfinite(numbers(table, channel.times, f"{entry}.times", fill))
+    for factor in ("times", "direction") if overflow.any() else ():
+        if column := getattr(channel, factor):
+            overflow &= np.isfinite(numbers(table, column, f"{entry}.{factor}", fill))
     if overflow.any():
         k = int(np.argmax(overflow))
         remedy = f"of which adc, times, scale and offset of the mapping make {values[k]:g}; correct them"
@@ -185,7 +190,11 @@ def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tu
 
 def is_calibrated(channel: Channel) -> bool:
     """Whether the mapping gives the channel's numbers another meaning than the file's."""
-    return channel.adc is not None or bool(channel.times) or (channel.scale, channel.offset) != (1.0, 0.0)
+    return (
+        channel.adc is not None
+        or bool(channel.times or channel.direction)
+        or (channel.scale, channel.offset) != (1.0, 0.0)
+    )
 
 
 def _calibrate(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: bool) -> np.ndarray:
@@ -200,6 +209,9 @@ def _calibrate(table: Table, channel: Channel, entry: str, x: np.ndarray, fill: 
         x = first + (x - low) * ((second - first) / (high - low))
     if channel.times:
         x = x * numbers(table, channel.times, f"{entry}.times", fill)
+    if channel.direction:
+        way = numbers(table, channel.direction, f"{entry}.direction", fill)
+        x = x * np.where(way > 0, 1.0, np.where(np.isnan(way), np.nan, -1.0))
     if channel.scale != 1.0:
         x = channel.scale * x
     return x + channel.offset if channel.offset else x

@@ -36,6 +36,7 @@ from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
 from sysid.channels.roles import (
+    DIRECTION,
     STRONG,
     Columns,
     Roles,
@@ -44,6 +45,7 @@ from sysid.channels.roles import (
     doubts_of_roles,
     is_counter,
     is_switch,
+    note_on_direction,
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
@@ -119,8 +121,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         if name is not None and name not in columns:  # words of a switch, or a sentence on what it lacks
             columns[name] = Column(parse_header(name), numbers(table, name))
     for name in table.names:
-        if is_switch(parse_header(name)) and (switched := switch_words(table, name)) is not None:
-            columns[name] = Column(parse_header(name), switched)
+        header = parse_header(name)
+        if (is_switch(header) or header.has(DIRECTION)) and (switched := switch_words(table, name)) is not None:
+            columns[name] = Column(header, switched)
     ruled, note = with_own_clocks(table)
     if note and given.time in (None, *ruled.clocks.values()):
         table = ruled
@@ -161,6 +164,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 channels[role].append(_guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
+    why += note_on_direction(roles["input"], signals)
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     if table is ruled and note:
         channels = {role: [_with_clock(table, clock, channel) for channel in channels[role]] for role in channels}

@@ -108,8 +108,8 @@ class Adc(_Part):
 class Channel(_Part):
     """How the numbers of a column become a signal.
 
-    value = sign (scale x + offset) in `unit`, where x is the number in the file (after `signed` or `sign_bit`, `adc`
-    and `times`). Then the value is converted to SI.
+    value = sign (scale x + offset) in `unit`, where x is the number in the file (after `signed` or `sign_bit`, `adc`,
+    `times` and `direction`). Then the value is converted to SI.
     """
 
     column: Text = Field(description="column of the file")
@@ -131,6 +131,9 @@ class Channel(_Part):
         default=0, description="bit, from 0, that says minus in a word of sign and magnitude, such as 15; 0: none"
     )
     times: Text = Field(default="", description="column that multiplies the number, such as the supply of a duty")
+    direction: Text = Field(
+        default="", description="column that turns the number round where it is 0 or below, as dir beside a duty does"
+    )
     clock: Text = Field(default="", description='column of this channel\'s own time stamps; "": those of [clock]')
     every: Annotated[Whole, Field(ge=1)] = Field(
         default=1, description="rows in which each value of an output stands, whose sensor is slower than the log"
@@ -145,11 +148,12 @@ class Channel(_Part):
             raise InputError("scale is 0, which makes a constant of the channel; give the value of one unit")
         if self.signed and self.sign_bit:
             raise InputError(f"signed is {self.signed} and sign_bit is {self.sign_bit}; give one of the two")
-        if self.times and self.times == self.column:
-            raise MappingError(
-                ("times",),
-                f"times is {brief_value(self.times)}, the column itself; name another one, or leave times out",
-            )
+        for entry, column in (("times", self.times), ("direction", self.direction)):
+            if column and column == self.column:
+                raise MappingError(
+                    (entry,),
+                    f"{entry} is {brief_value(column)}, the column itself; name another one, or leave {entry} out",
+                )
         return self
 
     def is_held(self, role: str) -> bool:
@@ -240,6 +244,7 @@ class ChannelMap(_Part):
         for _, channel, entry in self.channels():
             entries.setdefault(channel.column, f"{entry}.column")
             entries.setdefault(channel.times, f"{entry}.times")
+            entries.setdefault(channel.direction, f"{entry}.direction")
             entries.setdefault(channel.clock, f"{entry}.clock")
         entries.pop("", None)
         return entries

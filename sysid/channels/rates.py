@@ -108,7 +108,8 @@ def _others(table: Table, mapping: ChannelMap, reference: str) -> dict[str, str]
     another clock.
     """
     part, channels = mapping.range, mapping.channels()
-    roles = dict.fromkeys((part.active, part.drive, part.experiment, *(each.times for _, each, _ in channels)), "")
+    beside = (name for _, each, _ in channels for name in (each.times, each.direction))
+    roles = dict.fromkeys((part.active, part.drive, part.experiment, *beside), "")
     roles |= {channel.column: role for role, channel, _ in reversed(channels)}
     n, own = table.length(reference), soft_numbers(table, reference)
     return {

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sysid.channels.column import Column, Header, misspelt_number, parse_header, words
-from sysid.channels.complaints import list_names
+from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import convert
 from sysid.data.table import Table
 
@@ -33,6 +33,7 @@ WEAK_OUTPUT = words(
 )
 SWITCH = words("enable enabled armed disable disabled")  # a column that is 0 while the drive is off, with no words
 _DRIVE = words("torque motor drive driver servo axis joint actuator power output is state status")  # but these
+DIRECTION = words("dir direction richtung")  # of an H-bridge, whose duty has no sign
 SIGNALS_OF_LOG = ("voltage_V", "angle_rad")  # input and output of the logs that this program writes
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
 STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
@@ -164,7 +165,11 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
 
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
     """The only column beside `partner` that moves, if its name does not speak against the role."""
-    moving_columns = [c for c in columns.values() if c is not partner and not c.constant and not c.header.has(SWITCH)]
+    moving_columns = [
+        c
+        for c in columns.values()
+        if c is not partner and not c.constant and not c.header.has(SWITCH) and not is_direction(c)
+    ]
     if len(moving_columns) != 1:
         return None
     speed = role == "output" and moving_columns[0].header.has(SPEED) and not moving_columns[0].header.has(NEVER)
@@ -175,6 +180,22 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
 
 
 NO_SWITCH = 'if it says something else, write drive = "" under [range] in a mapping, which uses every row'
+
+
+def is_direction(column: Column) -> bool:
+    """Whether a column of two values says by its name which way a drive turns."""
+    return column.header.has(DIRECTION) and len(np.unique(column.finite)) == 2
+
+
+def note_on_direction(column: Column | None, columns: Columns) -> list[str]:
+    """What is said of an input that is never negative beside a column that says which way it drives."""
+    ways = [c.name for c in columns.values() if c is not column and is_direction(c) and np.min(c.finite) in (0.0, -1.0)]
+    if column is None or not ways or column.constant or np.min(column.finite) < 0:
+        return []
+    return [
+        f"column {column.name!r} is never negative, and {ways[0]!r} may say which way it drives: if so, set direction"
+        f' = "{brief(ways[0])}" in [[input]] of a mapping, which turns it round where that is 0 or below'
+    ]
 
 
 def is_switch(header: Header) -> bool:

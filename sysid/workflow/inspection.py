@@ -227,7 +227,7 @@ def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:
     roles = {mapping.clock.column: "clock", mapping.range.active: "active", mapping.range.drive: "drive"}
     for role in ROLES:
         for channel in getattr(mapping, role):
-            roles |= {channel.times: f"times {role}", channel.column: role}
+            roles |= {channel.times: f"times {role}", channel.direction: f"direction of {role}", channel.column: role}
     columns = []
     for name in table.names:
         values = soft_numbers(table, name)
