@@ -73,7 +73,7 @@ def in_blocks(table: Table, column: str = "", used: Collection[str | None] = ())
         if not _takes_turns(numbered):
             continue
         x = numbered.values
-        if not named and (_counts_rows(x) if column else not _has_clocks(numbered, clocks)):
+        if not named and (_counts_rows(x) or not (column or _has_clocks(numbered, clocks))):
             continue
         if len({len(cells) for cells in table.columns}) > 1:
             continue
@@ -93,14 +93,18 @@ def _takes_turns(column: Column) -> bool:
 
 
 def _counts_rows(x: np.ndarray) -> bool:
-    """Whether numbers (n,) count row by row and start again after as many rows as an experiment has: steps of one."""
+    """Whether numbers (n,) rise row by row and start again after as many rows as an experiment has, as steps of an
+    episode do, and the milliseconds of a second.
+    """
     steps = np.diff(x)
-    return bool(np.median(steps) == 1.0 and len(x) >= SHORTEST * (np.count_nonzero(steps < 0) + 1))
+    return bool(np.median(steps) > 0 and len(x) >= SHORTEST * (np.count_nonzero(steps < 0) + 1))
 
 
 def _uneven_clocks(table: Table) -> list[np.ndarray]:
     """The stamps (n,) of the clocks that do not go on evenly from row to row."""
-    clocks = [soft_numbers(table, name) for name in table.names if is_named_clock(parse_header(name))]
+    parts = {part for pair in table.joined.values() for part in pair}
+    names = [name for name in table.names if name not in parts and is_named_clock(parse_header(name))]
+    clocks = [soft_numbers(table, name) for name in names]
     return [t for t in clocks if len(t) and np.isfinite(t).all() and _evenness(np.diff(t)) <= UNEVEN]
 
 
