@@ -171,7 +171,6 @@ def board(servo: Pendulum) -> tuple[mujoco.MjModel, np.ndarray]:
     return model, state
 
 
-@checked
 def at_rest(board: np.ndarray, servo: Pendulum, angle: float) -> np.ndarray:
     """The board with the load that has pressed the gears for long at `angle` [rad]."""
     state = board.copy()

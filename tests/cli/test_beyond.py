@@ -131,9 +131,11 @@ def test_the_report_shows_what_the_record_shows_of_each_part(identified):
     assert summary["setting"]["search"] == "lm"
     tried = {part["name"] for part in parts}
     assert tried == {"motor.stick", "motor.stick_down", "motor.loss", "motor.jam", "play.width"}
-    assert tried <= names
+    assert summary["joint_fit"]["log_odds"] < 0.0  # this twin has none of them
+    assert not tried & names
     assert (out / "figures" / "parts.png").exists()
     assert "It leaves open" in printed
+    assert "A joint without these parts is likelier" in printed
 
 
 @pytest.fixture(scope="module")

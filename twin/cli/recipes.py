@@ -64,7 +64,7 @@ def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None
 
 def settings_of(words: list[str]) -> dict[str, Any]:
     """The options of the structure that the words of a command name, as it describes them; none of no structure."""
-    following = [*words[1:], ""]
+    following = [*words, ""][1:]
     texts = [word.partition("=")[2] or after for word, after in zip(words, following, strict=True) if _names_one(word)]
     kind = TABLE.get(texts[-1].replace("-", "_")) if texts else None
     if kind is None:
