@@ -85,7 +85,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "name twice": (["twice.csv", "--ts", "1"], ["twice.csv", "'u'", "rename"]),
     "constant input": (["constant_u.csv", "--ts", "1"], ["constant_u.csv", "input 'u' is 1.5", "200 samples"]),
     "constant output": (["constant_y.csv", "--ts", "1"], ["constant_y.csv", "output 'y' is 2.5", "200 samples"]),
-    "still while fitted": (["still_start.csv", "--ts", "1", "--split", "0.5"], ["still_start.csv", "input", "one of the two"]),
+    "still while fitted": (["still_start.csv", "--ts", "1", "--split", "0.5"], ["still_start.csv", "one of the two"]),
     "still while scored": (["still_end.csv", "--ts", "1"], ["still_end.csv", "output", "validation part"]),
     "too short": (["short.csv", "--ts", "1"], ["short.csv", "too few", "lower the orders"]),
     "one row": (["one.csv", "--ts", "1"], ["one.csv", "at least 2"]),
