@@ -203,7 +203,7 @@ def test_mid_stroke_is_the_middle_of_the_way_in_any_unit():
         ("enable", "-1 0 0 -1", "it holds -1 and 0:"),
         ("enable", "1 2 2 1", "it holds 1 and 2:"),
         ("enable", "0 1 2 2", "it holds 3 values"),
-        ("motor enabled", "on on off on", "it holds text"),
+        ("motor enabled", "go go halt go", "it holds text"),
         ("disabled", "0 0 1 1", "its name says that it is 0 then"),
         ("enable,armed", "0,1 1,0 1,1 0,0", "so may"),
         ("torque_enable", "1 1 1 1", ""),
