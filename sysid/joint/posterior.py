@@ -161,7 +161,9 @@ def fit_joint(
         search_all = _Search(plain_fit, rough, data, k, names, timed)
         found = clock.within("its parts were searched", search_all.best, None)
         full, agreed, tried = (_at_rate(plain_fit, data, k, options), 1, 1) if found is None else found
-        fit, odds = (full, 0.0) if found is None else search_all.likelier(full)
+        fit, odds = full, 0.0
+        if found is not None:
+            fit, odds = clock.within("a joint without parts was tried", search_all.likelier, (full, 0.0), full)
         fit.remember(data)
         pair = holdout_folds(data)
         unseen = holdout_errors(fit.model, fit.theta, pair, fit.prior).percent if pair else float("nan")

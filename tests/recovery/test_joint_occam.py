@@ -9,6 +9,7 @@ from often import often
 from sysid.blocks import Motor
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.joint.clock import TimeIsUp
 from sysid.joint.full import colour_level, full_joint
 from sysid.joint.holdout import refit_with_cost
 from sysid.joint.occam import log_odds_of_parts
@@ -93,3 +94,13 @@ def test_a_drive_with_a_play_keeps_its_parts():
     joint = fit_joint(drive(1, 0.05, 0.001), PLAIN)
     assert joint.log_odds > np.log(20.0)
     assert joint.shown == ("play.width",)
+
+
+def test_time_that_ends_while_the_plain_joint_is_tried_leaves_the_one_with_parts(monkeypatch):
+    def late(search, full):
+        raise TimeIsUp
+
+    monkeypatch.setattr(_Search, "likelier", late)
+    joint = fit_joint(drive(1), PLAIN, seconds=1000.0)
+    assert "play.width" in joint.fit.model.names
+    assert "before a joint without parts was tried" in joint.stopped
