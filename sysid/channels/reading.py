@@ -336,4 +336,4 @@ def _sampling(timing: Timing) -> Sampling:
     stamps, grid = timing.stamps, timing.grid
     if stamps is None:
         return Sampling()
-    return Sampling(np.diff(stamps.t), grid.median, grid.off, stamps.first, grid.index is None)
+    return Sampling(np.diff(stamps.t), grid.median, grid.off, stamps.first, grid.index is None, grid.loose)

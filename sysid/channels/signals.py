@@ -35,7 +35,8 @@ class Signal:
 class Sampling:
     """The clock of a file: its steps (n - 1,) [s] as they were, their median and largest distance from the grid [s].
 
-    `start` [s] is the first stamp in the file's clock. Without a clock all are empty, and `Ts` was given.
+    `start` [s] is the first stamp in the file's clock. `loose`: stamps are further off than they may be, and rows are
+    samples all the same. Without a clock all are empty, and `Ts` was given.
     """
 
     steps: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -43,6 +44,7 @@ class Sampling:
     off: float = 0.0
     start: float = 0.0
     interpolated: bool = False
+    loose: bool = False
 
 
 @dataclass(frozen=True)

@@ -166,6 +166,16 @@ def test_an_input_that_is_not_whole_and_clear_is_refused(tmp_path, table, said):
         read_input(tmp_path / "d.csv")
 
 
+@pytest.mark.parametrize(("Ts", "decimals"), [(1 / 30, 3), (1 / 30, 2), (0.0125, 3)])
+def test_an_input_with_rounded_times_is_whole(tmp_path, Ts, decimals):
+    """Steps of 0.03 and 0.04 s that are those of 1/30 s."""
+    times, levels = [f"{k * Ts:.{decimals}f}" for k in range(120)], [1.0, -1.0, 2.0, -2.0] * 30
+    (tmp_path / "d.csv").write_text("time [s],u [V]\n" + rows(times, levels) + "\n")
+    given = read_input(tmp_path / "d.csv")
+    assert given.u == pytest.approx(levels)
+    assert given.Ts == pytest.approx(Ts, rel=0.01)
+
+
 def test_what_is_not_clear_of_an_input_can_be_said(tmp_path):
     (tmp_path / "d.csv").write_text("a [s],b [s],u [V],v [V]\n" + rows(TIMES, [2 * t for t in TIMES], LEVELS, [2] * 50))
     given = read_input(tmp_path / "d.csv", Given(time="b [s]", input="u [V]"))

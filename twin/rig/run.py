@@ -90,8 +90,7 @@ def read_input(path: str | Path, given: Given = Given()) -> Input:  # noqa: B008
     (u,), steps = signals.input, signals.sampling.steps
     if len(signals.lengths) > 1:  # a log may pause; what is played may not
         raise InputError(f"{path}: its clock pauses or starts again, {len(signals.lengths)} parts; {_WHOLE}")
-    usual = float(np.median(steps)) if len(steps) else signals.Ts
-    if signals.sampling.interpolated or np.any(np.abs(steps - usual) > mapping.repair.jitter * usual):
+    if signals.sampling.interpolated or signals.sampling.loose:
         raise InputError(f"{path}: its steps of time are {steps.min():.4g} to {steps.max():.4g} s; {_WHOLE}")
     if u.missing.any():
         raise InputError(f"{path}: sample {int(np.argmax(u.missing))} has no level; {_WHOLE}")
