@@ -10,7 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.channels.complaints import brief, closest
 from sysid.channels.conversion import ANYWHERE, COUNTS, convert, is_time
-from sysid.data.table import LARGEST, Table, Texts, explain_non_number, is_like_a_number, is_number
+from sysid.data.table import LARGEST, SWITCH_WORDS, Table, Texts, explain_non_number, is_like_a_number, is_number
 from sysid.formats import unit_in
 
 # Limits chosen by hand; the logs of tests/corpus hold them.
@@ -18,7 +18,6 @@ RISING = 0.9  # of the steps of a clock; the others are repeated stamps, wraps, 
 ALIKE = 0.9  # of the steps of an unnamed clock are within a tenth of the middle one
 EMPTY = ("", "nan", "na", "n/a", "null", "none", "-", "--")
 FEW = 10  # cells of a column without numbers that are looked at: one of another kind may stand above them
-SWITCH_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 IN = re.compile(r"(?<=\S)\s+in\s+(?=\S)")  # before a unit
 # Within the brackets of a clock's name, and no unit.
 RELATIVE = {"relative", "rel", "elapsed", "absolute", "abs", "raw", "local", "utc", "gmt", "start", "-", "1", ""}

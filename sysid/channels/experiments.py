@@ -96,11 +96,11 @@ def note_on_falls(table: Table, mapping: ChannelMap) -> list[str]:
         or mapping.range.experiment not in ("", column)
         or mapping.clock.period
         or labels(table, column) is not None
+        or not column_of(table, column).rising
     ):
         return []
     stamps = soft_numbers(table, column)
-    starts = restarts(stamps, table) if labels(table, column) is None else np.zeros(0, dtype=int)
-    back = [k for k in starts.tolist() if stamps[0] < stamps[k] < stamps[k - 1] and column_of(table, column).rising]
+    back = [k for k in restarts(stamps, table).tolist() if stamps[0] < stamps[k] < stamps[k - 1]]
     if not back:
         return []
     return [

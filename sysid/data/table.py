@@ -23,6 +23,7 @@ WITH_UNIT = re.compile(rf"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*({UNIT
 NUMBER_LETTERS = re.compile(r"[+-]?[.,]?\d[\d.,]{0,40}")
 # In small letters:
 SPREADSHEET_ERRORS = ("#n/a", "#div/0!", "#value!", "#ref!", "#name?", "#num!", "#null!")
+SWITCH_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 LONGEST_CELL = 40  # letters of a cell that is looked at, and shown
 CHUNK = 1 << 16  # cells that are Python strings at a time
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.data.table import Table, is_number
+from sysid.data.table import SWITCH_WORDS, Table, is_number
 from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS
 from sysid.formats._unit_names import units_of
 
@@ -18,7 +18,6 @@ UNITS = {"unit", "units", "einheit"}
 MOST = 200  # names: more are texts of another kind
 REPEATED = 2.0  # rows of a name on the average, at least
 LARGEST = 1 << 28  # cells of the table that is made
-WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
 
 
 def pivoted(table: Table) -> Table:
@@ -136,7 +135,7 @@ def _values(table: Table, j: int) -> np.ndarray:
     if _is_numeric(cells):
         return np.asarray(cells, dtype=float)
     texts = (str(cell).strip().replace(",", ".") if table.decimal == "," else str(cell).strip() for cell in cells)
-    return np.array([WORDS.get(text.lower(), float(text) if is_number(text) else np.nan) for text in texts])
+    return np.array([SWITCH_WORDS.get(text.lower(), float(text) if is_number(text) else np.nan) for text in texts])
 
 
 def _units(table: Table, names: Sequence[str], j: int | None, time: str, distinct: Sequence[str]) -> dict[str, str]:

@@ -14,17 +14,7 @@ from sysid.formats._format import Format
 from sysid.formats._long_table import KEYS
 from sysid.formats._unit_names import units_of
 
-STAMPS = {
-    "t",
-    "time",
-    "times",
-    "timestamp",
-    "timestamps",
-    "stamp",
-    "stamps",
-    "ts",
-    "x",
-}  # beside the values of one signal
+STAMPS = {"t", "time", "times", "timestamp", "timestamps", "stamp", "stamps", "ts", "x"}  # beside one signal's values
 LINES = object()  # stands for a file that holds one value a line
 
 

@@ -157,9 +157,14 @@ def colour_level(fit: Fit, data: IOData) -> float:
 
     However coloured, n samples tell no less than one does, so it is at most sqrt(n) times that of the residuals.
     """
-    others = (estimate_initial(fit.model, fit.theta, part) for part in data.experiments[1:])
-    problem = ChainProblem(fit.model, np.array([fit.theta, *others]), data.experiments, fit.model.free)
-    e, J = problem.linearise(problem.start)
+    e, J = linearised(fit, data)
     lengths = [int(part.observed.sum()) for part in data.experiments]
     level = float(np.sqrt(noise_model(e, J, lengths).level(J, lengths)))
     return min(level, float(np.linalg.norm(e)))
+
+
+def linearised(fit: Fit, data: IOData) -> tuple[np.ndarray, np.ndarray]:
+    """Errors (N,) of a fit's free run over `data`, and their derivatives (N, n): first by the free parameters."""
+    others = (estimate_initial(fit.model, fit.theta, part) for part in data.experiments[1:])
+    problem = ChainProblem(fit.model, np.array([fit.theta, *others]), data.experiments, fit.model.free)
+    return problem.linearise(problem.start)

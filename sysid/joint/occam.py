@@ -12,9 +12,8 @@ import numpy as np
 from scipy.stats import norm
 
 from sysid.data.record import IOData
-from sysid.estimation.initial_state import estimate_initial
-from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
+from sysid.joint.full import linearised
 from sysid.joint.parts import words_of
 
 
@@ -33,9 +32,7 @@ class _Peak:
     def of(cls, fit: Fit, data: IOData, level: float) -> "_Peak":
         chain, prior = fit.model, fit.prior
         assert prior is not None
-        others = (estimate_initial(chain, fit.theta, part) for part in data.experiments[1:])
-        problem = ChainProblem(chain, np.array([fit.theta, *others]), data.experiments, chain.free)
-        e, J = problem.linearise(problem.start)
+        e, J = linearised(fit, data)
         free = np.flatnonzero(chain.free)
         J, W = J[:, : len(free)] / level, prior.weight[:, None] * prior.rows[:, free] / level
         fall = 0.5 * (float(e @ e) + float(np.sum(prior.errors(fit.theta) ** 2))) / level**2

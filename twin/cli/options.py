@@ -267,8 +267,8 @@ _PLACE = re.compile(r"[\[{]?(FILE|DIR|LOG|MODEL|TABLE|BASE)\b")  # how a file or
 ALL = "--help-all"
 
 
-def shows(*names: str, more: Callable[[list[str]], Mapping[str, Any]] = lambda words: {}) -> Callable[..., Any]:
-    """Decorator of a verb whose help shows the options `names`, and those that `more` gives for the words given, as it
+def shows(*names: str, more: Callable[[Mapping[str, Any]], Mapping[str, Any]]) -> Callable[..., Any]:
+    """Decorator of a verb whose help shows the options `names`, and those that `more` gives for the values given, as it
     describes them; --help-all shows all."""
 
     def mark(verb: Any) -> Any:
@@ -283,11 +283,11 @@ class Verb(TyperCommand):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         names = getattr(self.callback, "shown", ())
-        if names and ALL in args:
-            args = ["--help"]
-        elif names:
-            ctx.meta[ALL] = dict.fromkeys((*names, "help")) | self.callback.more(args)  # type: ignore[union-attr]
-        _, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
+        shows_all = bool(names) and ALL in args
+        args = ["--help"] if shows_all else args
+        given, _, order = self.make_parser(ctx).parse_args(list(args))  # a value for each time that it was given
+        if names and not shows_all:
+            ctx.meta[ALL] = dict.fromkeys((*names, "help")) | self.callback.more(given)  # type: ignore[union-attr]
         for parameter in order:
             once = parameter.param_type_name == "option" and not (
                 parameter.multiple or getattr(parameter, "is_flag", False)

@@ -62,20 +62,13 @@ def recipe(structure: str, values: Mapping[str, Any], start: "Fit | None" = None
     return kind(**settings)
 
 
-def settings_of(words: list[str]) -> dict[str, Any]:
-    """The options of the structure that the words of a command name, as it describes them; none of no structure."""
-    following = [*words, ""][1:]
-    texts = [word.partition("=")[2] or after for word, after in zip(words, following, strict=True) if _names_one(word)]
-    kind = TABLE.get(texts[-1].replace("-", "_")) if texts else None
+def settings_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The options of the structure that a command names, as it describes them; none of no structure."""
+    kind = TABLE.get(str(given.get("structure")).replace("-", "_"))
     if kind is None:
         return {}
-    names = _names(kind)
-    own = {name: _orders([kind]) if name == ORDERS else _annotation([kind.options()[name]]) for name in names}
+    own = {n: _orders([kind]) if n == ORDERS else _annotation([kind.options()[n]]) for n in _names(kind)}
     return {name: annotation.__metadata__[0] for name, annotation in own.items()}
-
-
-def _names_one(word: str) -> bool:
-    return word.partition("=")[0] == "--structure"
 
 
 def refuse_settings(values: Mapping[str, Any], structure: str) -> None:

@@ -1,5 +1,6 @@
 """Methods of this library that fit the model which a reference record states."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,22 +31,25 @@ class StatedModel(LibraryModel):
         return {"stop": self.fit.stop.reason, "loss": self.fit.criteria.mse, **values}
 
 
-def search_stated(data: Data) -> StatedModel:
-    """The stated model from the record's start, searched to the last digit."""
+def stated(data: Data) -> Mapping[str, Any]:
+    """The model that a record states. Raises InputError for a record of the benchmark, which states none."""
     if data.model is None:
         raise InputError("this record states no model; qpal bench certify has records that do")
-    chain, signals = chain_of(data.model), record(data)
-    values = dict(data.model["fixed"]) | dict(data.model["start"])
+    return data.model
+
+
+def search_stated(data: Data) -> StatedModel:
+    """The stated model from the record's start, searched to the last digit."""
+    model, signals = stated(data), record(data)
+    chain, values = chain_of(model), dict(model["fixed"]) | dict(model["start"])
     start = np.array([values[name] for name in chain.names])
     return StatedModel(fit(chain, signals, start=start, options=EXACT), signals)
 
 
 def fit_stated(data: Data) -> StatedModel:
     """The stated model as `sysid.fit` does it by default: its own starts, its own tolerance."""
-    if data.model is None:
-        raise InputError("this record states no model; qpal bench certify has records that do")
     signals = record(data)
-    return StatedModel(fit(chain_of(data.model), signals, seed=data.seed), signals)
+    return StatedModel(fit(chain_of(stated(data)), signals, seed=data.seed), signals)
 
 
 METHODS = (
