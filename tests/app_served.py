@@ -196,3 +196,12 @@ def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -
     table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
     table.write_csv(path, float_precision=6)
     return path
+
+
+def wait(desk, seconds=PATIENCE):
+    """The jobs of a desk by title, when all are over."""
+    end = time.monotonic() + seconds
+    while any(not job.over for job in desk.jobs.all):
+        assert time.monotonic() < end, [(job.title, job.progress) for job in desk.jobs.all]
+        time.sleep(0.05)
+    return {job.title: job for job in desk.jobs.all}

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.signal
-from cases import FOREIGN, ROBOT
+from foreign import FOREIGN, ROBOT
 from pages import assert_stands_alone, without_seconds
 
 import sysid

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cases import FOREIGN
 from corrupt_cases import CASES, text
+from foreign import FOREIGN
 from hypothesis import given
 from hypothesis import strategies as st
 from often import FULL

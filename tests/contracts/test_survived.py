@@ -11,7 +11,7 @@ from pathlib import Path
 import bad_readers
 import numpy as np
 import pytest
-from cases import FOREIGN
+from foreign import FOREIGN
 from mat_bytes import level_5, opaque, vector
 
 from sysid.base.errors import InputError
