@@ -1,4 +1,6 @@
-"""A first-order plant in continuous time: its exact output at any time, for inputs that change at any time."""
+"""First-order plants: in continuous time, with the exact output at any time for inputs that change at any time; and a
+sampled one.
+"""
 
 import numpy as np
 
@@ -35,3 +37,12 @@ def pole_and_gain(u: np.ndarray, y: np.ndarray, direct: bool = True) -> tuple[fl
     columns = [y[:-1], u[:-1], u[1:]] if direct else [y[:-1], u[:-1]]
     a, *b = np.linalg.lstsq(np.column_stack(columns), y[1:], rcond=None)[0]
     return float(a), float(sum(b) / (1 - a))
+
+
+def first_order(N: int, seed: int, a: float = 0.7) -> tuple[np.ndarray, np.ndarray]:
+    """Levels (N,) held for 10 samples each, and the output (N,) of a lag of gain 1 with its pole at `a`, from rest."""
+    u = np.repeat(np.random.default_rng(seed).uniform(-1, 1, N // 10), 10)
+    y = np.zeros(N)
+    for k in range(1, N):
+        y[k] = a * y[k - 1] + (1 - a) * u[k - 1]
+    return u, y

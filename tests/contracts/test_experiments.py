@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
+from plants_in_time import first_order
 
 import sysid
 from sysid.base.errors import InputError
@@ -15,14 +16,6 @@ from sysid.workflow.record import read_record
 from twin.cli import main
 
 CASES = Path(__file__).parent / "cases"
-
-
-def first_order(N, seed, a=0.7):
-    u = np.repeat(np.random.default_rng(seed).uniform(-1, 1, N // 10), 10)
-    y = np.zeros(N)
-    for k in range(1, N):
-        y[k] = a * y[k - 1] + (1 - a) * u[k - 1]
-    return u, y
 
 
 def parts(lengths):

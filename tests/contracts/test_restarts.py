@@ -2,20 +2,13 @@
 
 import numpy as np
 import pytest
+from plants_in_time import first_order
 
 import sysid
 from sysid.base.errors import InputError
 from sysid.channels.restarts import restarts
 from sysid.workflow.record import read_record
 from twin.cli import main
-
-
-def first_order(N, seed, a=0.7):
-    u = np.repeat(np.random.default_rng(seed).uniform(-1, 1, N // 10), 10)
-    y = np.zeros(N)
-    for k in range(1, N):
-        y[k] = a * y[k - 1] + (1 - a) * u[k - 1]
-    return u, y
 
 
 def write(path, t, u, y, decimals=4):
