@@ -10,6 +10,7 @@ from sysid.base.poles import match, mirrored
 from sysid.estimation.starts._start import refined_iv
 from sysid.linear.linearize import findop, linapp, tangent, tangent_ss
 from sysid.systems import system
+from sysid.workflow import evaluation
 
 
 def test_transfer_function_simulates_like_scipy():
@@ -132,3 +133,23 @@ def test_poles_outside_the_unit_circle_are_mirrored_inside(outside, inside):
 
 def test_a_filter_that_is_not_finite_is_none():
     np.testing.assert_array_equal(mirrored(np.array([np.nan, 1.0])), [0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("model", "lag"),
+    [
+        (sysid.structures.hammerstein_wiener(2, 2, 3, "cubic_spline", "polynomial"), 0.8),
+        (sysid.structures.state_space(2, 2), 0.6),
+    ],
+    ids=["chain", "state space"],
+)
+def test_the_step_response_is_that_of_the_tangent_as_control_has_it(model, lag):
+    """At a point of operation beside zero, where the maps have other slopes."""
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.uniform(-1.0, 2.0, 60), 10)
+    y = lfilter([0, 0, 0, 1.0 - lag], [1, -lag], np.tanh(u)) + 0.001 * rng.standard_normal(len(u))
+    fit = sysid.fit(model, sysid.IOData(u, y, 0.1), starts=2)
+    curve = evaluation._step_response(fit, 0.7)
+    t, expected = control.step_response(tangent(fit, 0.7), T=np.arange(len(curve.y)) * 0.1)
+    np.testing.assert_allclose(curve.x, t, atol=1e-12)
+    np.testing.assert_allclose(curve.y, np.ravel(expected), atol=1e-9 * np.abs(expected).max())
