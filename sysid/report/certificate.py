@@ -169,8 +169,9 @@ def write_page(
                 "proof that it is the lowest of a whole domain. Digits are -log10 of the relative error, 11 at most. A "
                 "method that does not tell its parameters is graded by the sum of squares of its free run alone."
             ],
-            tables=[dynamic_grid(rows), _every(rows)],
+            tables=[dynamic_grid(rows)],
             pictures=_of_records(rows),
+            details=[_every(rows)],
         )
     ]
     if static:
@@ -178,8 +179,9 @@ def write_page(
             Section(
                 "NIST StRD, nonlinear regression",
                 ["The solver of sysid.fit on functions in place of chains, one search from each published start."],
-                tables=[static_grid(static), _every_set(static)],
+                tables=[static_grid(static)],
                 pictures=_of_sets(static),
+                details=[_every_set(static)],
             )
         )
     summary = {
@@ -195,5 +197,5 @@ def write_page(
         "Digits of certified values", f"{len(rows)} fits, {len(static)} regressions", verdict, sections, versions()
     )
     write(folder, page, summary)
-    write_text(folder / TABLES, "\n".join(grid.markdown() for section in sections for grid in section.tables[:1]))
+    write_text(folder / TABLES, "\n".join(grid.markdown() for section in sections for grid in section.tables))
     return summary
