@@ -135,6 +135,7 @@ def _models(white: Whitened, i: int) -> tuple[list[Model], int]:
     profile = Profile(parts, int(likely[-1]))
     nk = int(np.argmin(white.ranges[i].criteria))
     denominators = {len(m.f): [m.f] for m in reversed(rough)}
+    profile.whiten(_models_at_delay(profile, nk, denominators)[0])
     for _ in range(_ROUNDS):  # the colour of the errors follows the model, the orders the delay
         leaders = _models_at_delay(profile, nk, denominators)
         profile.whiten(leaders[0])
@@ -149,6 +150,8 @@ def _models(white: Whitened, i: int) -> tuple[list[Model], int]:
                 key = (m.nk + k, len(m.f), len(m.b) - k)
                 models_by_orders.setdefault(key, profile.model(*key, m.f))
         models = sorted(models_by_orders.values(), key=_criterion)
+        if models[0].nk == nk:
+            break
         nk, denominators = models[0].nk, {len(m.f): [m.f] for m in reversed(models)}
     return models, step - 1
 

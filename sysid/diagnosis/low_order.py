@@ -7,6 +7,7 @@ Identification, 2nd ed. 1999, section 10.4: output error of filtered data). Orde
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.signal import lfilter
 
 from sysid.base.poles import mirrored
@@ -109,10 +110,7 @@ class Profile:
 
     def _whiten_columns(self, columns: np.ndarray, part: Piece) -> np.ndarray:
         m = len(self.colour) - 1
-        n = len(columns) - m
-        white = columns[m:].copy()
-        for k, c in enumerate(self.colour[1:], 1):
-            white += c * columns[m - k : m - k + n]
+        white = sliding_window_view(columns, m + 1, axis=0) @ self.colour[::-1] if m else columns
         observed = part.seen
         keep = np.convolve(~observed, np.ones(m + 1))[m : len(observed)] == 0 if not observed.all() else slice(None)
         return np.asarray(white[keep])
@@ -174,13 +172,22 @@ def delay_by(x: np.ndarray, k: int) -> np.ndarray:
 
 
 def _stabilise(f: np.ndarray) -> np.ndarray:
-    if not len(f):
+    if _lies_within(_LARGEST, f.tolist()):
         return f
+    f = mirrored(f)
     size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
-    if size > 1.0:
-        f = mirrored(f)
-        size = float(np.max(np.abs(np.linalg.eigvals(_companion(f))), initial=0.0))
     return f if size <= _LARGEST else np.asarray(f * (_LARGEST / size) ** np.arange(1, len(f) + 1))
+
+
+def _lies_within(radius: float, f: list[float]) -> bool:
+    """Whether the roots of 1 + f1 z^-1 + ... lie within a circle: the reflection coefficients say so (Schur, Cohn)."""
+    f = [c / radius**k for k, c in enumerate(f, 1)]
+    while f:
+        last = f.pop()
+        if not abs(last) < 1.0:
+            return False
+        f = [(c - last * d) / (1.0 - last**2) for c, d in zip(f, reversed(f), strict=True)]
+    return True
 
 
 def _companion(f: np.ndarray) -> np.ndarray:
