@@ -31,6 +31,7 @@ R = TypeVar("R")
 
 RETRIES = 3  # of a job whose Dask worker was lost
 PATIENCE = 60.0  # [s] for a Dask cluster without workers
+GREETING = 10.0  # [s] for an answer of its scheduler
 FACADES = ("sysid", "twin")
 WATCH_INTERVAL = 0.5  # [s]
 _watched: set[int] = set()
@@ -95,7 +96,7 @@ def _on_cluster(function: Callable[[J], R], jobs: Sequence[J], address: str) -> 
     except ImportError:
         raise InputError('a scheduler needs Dask, which is not installed; run: pip install "qpal[cluster]"') from None
     try:
-        client = Client(address, timeout="10s")
+        client = Client(address, timeout=GREETING)
     except (OSError, ValueError) as error:
         raise InputError(f"there is no Dask scheduler at {address} ({error}); start one with: dask scheduler") from None
     with client:

@@ -33,10 +33,17 @@ def plain_log(tmp_path_factory):
     return path
 
 
-def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, capsys):
-    out = tmp_path / "out"
-    assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
+@pytest.fixture(scope="module")
+def identified(plain_log, tmp_path_factory):
+    """What `qpal identify` printed of the joint, and the folder of its results."""
+    out, printed = tmp_path_factory.mktemp("identified") / "out", io.StringIO()
+    with redirect_stdout(printed):
+        assert main(["identify", str(plain_log), "--structure", "actuated_joint", "--out", str(out)]) == 0
+    return out, printed.getvalue()
+
+
+def test_identify_finds_the_physical_values_of_a_joint(identified):
+    out, printed = identified
     assert "speed per volt, mid stroke" in printed
     assert "deg/s/V" in printed
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
@@ -57,16 +64,6 @@ def test_identify_finds_the_physical_values_of_a_joint(plain_log, tmp_path, caps
     # And a sample of 0.1 s does not tell the time constant from the delay.
     assert values["lag_and_delay"] == pytest.approx(true["time_constant"] + true["delay"], abs=0.02)
     assert {v["unit"] for v in summary["values"]} == {"deg/s/V", "s", "V", "deg"}
-
-
-@pytest.fixture(scope="module")
-def identified(plain_log, tmp_path_factory):
-    """What `qpal identify` printed of a joint from one start, and the folder of its results."""
-    out, printed = tmp_path_factory.mktemp("identified") / "out", io.StringIO()
-    with redirect_stdout(printed):
-        words = ["identify", str(plain_log), "--structure", "actuated_joint", "--starts", "1", "--out", str(out)]
-        assert main(words) == 0
-    return out, printed.getvalue()
 
 
 def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
@@ -96,7 +93,7 @@ def test_a_joint_is_written_as_json_c_python_and_text(plain_log, identified):
 
 def test_identify_takes_driver_and_sensor(plain_log, tmp_path):
     arguments = ["--structure", "actuated_joint", "--input-map", "saturation", "--output-map", "polynomial"]
-    assert main(["identify", str(plain_log), *arguments, "--starts", "1", "--out", str(tmp_path / "out")]) == 0
+    assert main(["identify", str(plain_log), *arguments, "--seconds", "1e-9", "--out", str(tmp_path / "out")]) == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
     assert {"driver.upper", "sensor.c1"} <= {p["name"] for p in summary["parameters"]}
 

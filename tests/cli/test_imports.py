@@ -30,8 +30,8 @@ def loaded(*runs: list[str], folder) -> set[str]:
     "arguments",
     [
         ["--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1"],
-        ["--ts", "0.1", "--structure", "actuated_joint", "--starts", "1"],
-        ["--ts", "0.1", "--structure", "nlarx", "--starts", "1"],
+        pytest.param(["--ts", "0.1", "--structure", "actuated_joint", "--starts", "1"], marks=pytest.mark.nightly),
+        pytest.param(["--ts", "0.1", "--structure", "nlarx", "--starts", "1"], marks=pytest.mark.nightly),
     ],
     ids=["chain", "joint", "nlarx"],
 )

@@ -117,7 +117,13 @@ if __name__ == "__main__":
 
 
 @pytest.mark.parametrize(
-    ("before", "reads"), [((), True), (("polars",), True), (("spawn",), True), (("polars", "used"), False)]
+    ("before", "reads"),
+    [
+        ((), True),
+        pytest.param(("polars",), True, marks=pytest.mark.nightly),
+        (("spawn",), True),
+        (("polars", "used"), False),
+    ],
 )
 def test_a_process_forked_before_the_threads_began_reads(before, reads, log, tmp_path):
     (tmp_path / "later.py").write_text(LATER)

@@ -16,7 +16,7 @@ from fuzz.targets import SIZES, TARGETS
 from often import FULL
 
 ROOT = Path(__file__).resolve().parents[2]
-SCALE = 0.01 if FULL else 0.002
+SCALE = 0.01 if FULL else 0.001
 ENVIRONMENT = {**os.environ, "POLARS_MAX_THREADS": "1", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"}
 
 

@@ -70,8 +70,9 @@ def test_a_worker_that_has_grown_is_replaced_also_where_warnings_are_errors(tmp_
     assert done.stdout.strip() == str(list(range(10))), done.stderr
 
 
-def test_no_scheduler_is_a_sentence():
+def test_no_scheduler_is_a_sentence(monkeypatch):
     pytest.importorskip("distributed")
+    monkeypatch.setattr(parallel, "GREETING", 1.0)
     with pytest.raises(InputError, match=r"no Dask scheduler at tcp://127\.0\.0\.1:1 "):
         list(results(abs, [1, 2], scheduler="tcp://127.0.0.1:1"))
     with pytest.raises(InputError, match="1 or more"):

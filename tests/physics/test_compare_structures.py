@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from often import FULL
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -206,10 +207,10 @@ _BY_NIGHT = [pytest.param(kind, marks=pytest.mark.nightly) for kind in ("heat", 
 
 @pytest.mark.parametrize("kind", ["place", *_BY_NIGHT])
 def test_what_acts_on_the_drive_comes_first(kind):
-    """Three drawn legs, whose input is disturbed so that they move as if the drive had it; one may be lost in noise."""
+    """Drawn legs whose input is disturbed so that they move as if the drive had it; noise may hide one of three."""
     first = []
-    for seed in (3002, 3003, 3004):
+    for seed in (3002, 3003, 3004) if FULL else (3002,):
         example = foreign_leg(kind, seed)
         trials = Trials(Follower(example.log, example.joint), Parameters())
         first.append(explain(trials, effects=("friction", "load", "supply", "wave", kind)).alone[0].effect)
-    assert first.count(kind) >= 2
+    assert first.count(kind) >= (2 if FULL else 1)

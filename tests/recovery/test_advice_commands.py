@@ -8,6 +8,7 @@ import shlex
 
 import numpy as np
 import pytest
+from often import FULL, often
 from scipy.signal import lfilter
 from typer.main import get_command
 
@@ -237,15 +238,15 @@ def test_a_delay_names_the_fitted_orders_and_only_where_they_cannot_hold_it(fitt
 
 
 def test_an_output_that_settles_at_the_levels_of_its_input_meets_no_end_stop():
-    """A lag under a slow binary input rests at both extremes for most of the time: 30 seeds."""
+    """A lag under a slow binary input rests at both extremes for most of the time."""
     alarms = 0
-    for seed in range(30):
+    for seed in often(30, 10):
         u = Prbs(1.0, 10, 40.0).generate(1500, 1.0, np.random.default_rng(seed))
         y = lfilter([0, 0.3], [1, -0.7], u) + 0.01 * white(seed + 100)
         (rest,) = (a for a in advise(IOData(u, y, 1.0)) if a.topic == "rest")
         assert rest.value > 0.2
         alarms += rest.severity != "fine"
-    assert alarms <= 2
+    assert alarms <= (2 if FULL else 1)
     (rest,) = (a for a in advise(IOData(*stopped(13), TS)) if a.topic == "rest")
     assert rest.severity == "note"
 

@@ -86,6 +86,7 @@ def test_the_experiment_brings_the_free_run_over_inputs_of_use_nearer_to_the_joi
     assert after < 0.3 * before
 
 
+@pytest.mark.nightly
 def test_it_stays_where_the_joint_was_seen_unless_it_may_run_into_stops():
     data = played(drawn(Sweep(5.0, 3.0, jitter=0.2, shrink=0.4), 600, 3), 3)
     fit = fit_joint(data).fit

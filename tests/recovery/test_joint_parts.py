@@ -167,7 +167,7 @@ def test_all_parts_at_once_are_found_over_many_records(seeds: range) -> None:
 
 @pytest.mark.slow
 def test_a_plain_joint_shows_no_part_over_many_records(seeds: range) -> None:
-    found = shares([judged("plain", seed) for seed in some(seeds)])
+    found = shares([judged("plain", seed) for seed in (some(seeds) if FULL else seeds[:1])])
     assert all(share >= 0.95 for share in found.values()), found
 
 

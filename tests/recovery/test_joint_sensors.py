@@ -270,6 +270,7 @@ def test_a_speed_beside_a_column_of_the_drive_in_short_stretches_is_read_and_ins
     assert main(["info", str(path), "--out", str(tmp_path / "info")]) == 0
 
 
+@pytest.mark.nightly
 def test_a_sweep_against_both_ends_meets_both():
     """A load that changes over the way does not hide the rests, since the model knows it; the ends are 40 deg apart."""
     arm, k = Reference(lambda x: 0.4 * np.cos(np.deg2rad(x)), **ARM), np.arange(2000)
