@@ -1,44 +1,31 @@
 """Every public name of sysid and where it is defined: `sysid/__init__.py` reads this, and so do type checkers.
 
-A room is a folder of the house; its own `__init__.py` says what is in it.
+A room is a folder of the house; its own `__init__.py` says what is in it. Rooms that no call needs by name, such as
+`sysid.workflow`, are reached in the same way and not listed.
 """
 
 from . import (
-    base as base,
     bench as bench,
-    block as block,
     blocks as blocks,
     channels as channels,
     data as data,
     diagnosis as diagnosis,
-    estimation as estimation,
     excitations as excitations,
     export as export,
-    formats as formats,
     joint as joint,
     linear as linear,
-    model as model,
-    nlarx as nlarx,
-    notebook as notebook,
     plots as plots,
-    report as report,
-    selection as selection,
-    solver as solver,
     structures as structures,
     systems as systems,
     uncertainty as uncertainty,
-    validation as validation,
-    workflow as workflow,
 )
 from .base.errors import InputError as InputError
 from .channels.guess import guess as guess
 from .channels.mapping import Channel as Channel, ChannelMap as ChannelMap
 from .channels.reading import read_signals as read_signals
-from .channels.signals import Signals as Signals
 from .data.record import IOData as IOData
-from .diagnosis.advice import Advice as Advice, advise as advise
+from .diagnosis.advice import advise as advise
 from .diagnosis.delays import delay as delay
-from .diagnosis.residuals import higher_order_tests as higher_order_tests
 from .diagnosis.residuals import residual_tests as residual_tests
 from .estimation.fit_from import fit_from as fit_from
 from .estimation.objective import Objective as Objective

@@ -220,6 +220,17 @@ def test_every_name_of_the_stub_resolves_where_it_says():
         assert getattr(sysid, name) is (getattr(module, name) if where else module), name
 
 
+def test_a_name_that_has_moved_says_where_it_is_and_a_room_is_reached_though_it_is_not_listed():
+    assert len(dir(sysid)) < 40
+    with pytest.raises(AttributeError, match=r"is sysid\.diagnosis\.residuals\.higher_order_tests now"):
+        _ = sysid.higher_order_tests
+    for name, room in sysid._MOVED.items():
+        assert hasattr(importlib.import_module(f"sysid.{room}"), name)
+    assert sysid.workflow is importlib.import_module("sysid.workflow")
+    with pytest.raises(AttributeError, match="sysid has no 'nowhere'; it has "):
+        _ = sysid.nowhere
+
+
 def test_importing_sysid_is_light():
     code = "import sys, sysid; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -10,6 +10,7 @@ import pytest
 import sysid
 from sysid import plots
 from sysid.data.preprocess import detrend
+from sysid.diagnosis.residuals import higher_order_tests
 from sysid.drawing.plotly import plotly
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.static_maps import maps_figure
@@ -156,7 +157,7 @@ def test_residual_bars_and_comparison(case):
     assert "white" in first.get_title("left")
     assert "independent" in second.get_title("left")
     e = fit.residuals(data)
-    higher = sysid.higher_order_tests(e, data.u[-len(e) :, 0])
+    higher = higher_order_tests(e, data.u[-len(e) :, 0])
     for axes, test in zip(plots.higher_order_tests(higher), higher.tests, strict=True):
         low, high = axes.get_ylim()
         assert low < min(-test.bound, test.correlation.min())
@@ -180,7 +181,7 @@ def drawings(case):
     half, other = data.select(0, 400), data.select(400, 800)
     runs = [plots.Run(part, fit.simulate(part), 90.0) for part in (half, other)]
     e = fit.residuals(data)
-    higher = sysid.higher_order_tests(e, data.u[-len(e) :, 0])
+    higher = higher_order_tests(e, data.u[-len(e) :, 0])
     maps = curves.curves(info)
     return {
         "bode": ((responses.frequency(info),), 2),

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid.base.criteria import TABLE, Criterion
+from sysid.diagnosis.residuals import higher_order_tests
 from sysid.excitations import Aprbs
 from sysid.notebook.page import criteria_in_words
 from sysid.systems import system
@@ -27,7 +28,7 @@ def test_higher_order_bounds_keep_their_level_on_white_residuals(kind):
     rng, records = np.random.default_rng(11), 1500
     outside, failed = np.zeros(3), np.zeros(3)
     for _ in range(records):
-        found = sysid.higher_order_tests(rng.standard_normal(800), INPUTS[kind](rng, 800))
+        found = higher_order_tests(rng.standard_normal(800), INPUTS[kind](rng, 800))
         outside += [t.outside for t in found.tests]
         failed += [not t.passed for t in found.tests]
     np.testing.assert_allclose(outside / records / 26, 0.01, atol=0.003)
@@ -49,7 +50,7 @@ def test_a_missed_even_nonlinearity_is_found_by_u_squared_and_not_by_u():
         data, fit = even(seed)
         e = fit.residuals(data)
         plain = fit.residual_tests(data)
-        found = sysid.higher_order_tests(e, data.u[-len(e) :, 0])
+        found = higher_order_tests(e, data.u[-len(e) :, 0])
         linear += not (plain.white and plain.independent)
         higher += not found.tests[0].passed
         assert found.passed or any("even nonlinearity" in sentence for sentence in found.advice)
@@ -60,21 +61,21 @@ def test_a_missed_even_nonlinearity_is_found_by_u_squared_and_not_by_u():
 def test_noise_that_grows_with_the_input_and_noise_that_multiplies_it_are_told_apart():
     rng = np.random.default_rng(3)
     u, e = rng.uniform(-1, 1, 4000), rng.standard_normal(4000)
-    grows = sysid.higher_order_tests(e * (0.5 + u**2), u)
+    grows = higher_order_tests(e * (0.5 + u**2), u)
     assert [t.passed for t in grows.tests] == [True, False, True]
     product = e.copy()
     product[1:] += 0.5 * e[:-1] * u[:-1]  # today's error holds yesterday's times the input
-    assert [t.passed for t in sysid.higher_order_tests(product, u).tests] == [True, True, False]
+    assert [t.passed for t in higher_order_tests(product, u).tests] == [True, True, False]
 
 
 def test_degenerate_residuals_and_inputs():
     rng = np.random.default_rng(0)
-    assert sysid.higher_order_tests(np.zeros(200), rng.normal(size=200)).passed
-    assert sysid.higher_order_tests(rng.normal(size=200), np.sign(rng.normal(size=200))).tests[0].name == "e with u^2"
+    assert higher_order_tests(np.zeros(200), rng.normal(size=200)).passed
+    assert higher_order_tests(rng.normal(size=200), np.sign(rng.normal(size=200))).tests[0].name == "e with u^2"
     with pytest.raises(sysid.InputError, match="same length"):
-        sysid.higher_order_tests(np.zeros(100), np.zeros(99))
+        higher_order_tests(np.zeros(100), np.zeros(99))
     with pytest.raises(sysid.InputError, match="more than 50"):
-        sysid.higher_order_tests(np.zeros(50), np.zeros(50))
+        higher_order_tests(np.zeros(50), np.zeros(50))
 
 
 def plant_fits():
