@@ -13,6 +13,8 @@ from sysid.base.files import check_regular_file
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.export.mjcf import STEP, Fragment
+from twin.drives import forces_beside, own_actuators, take_out_actuators
+from twin.tree_changes import Snapshot
 
 # What the elements cannot do without.
 NEEDED = sum(
@@ -74,14 +76,16 @@ def rollout(fragment: Fragment, u: np.ndarray, Ts: float) -> np.ndarray:
     return read
 
 
-def put_into(fragment: Fragment, source: Path) -> str:
+def put_into(fragment: Fragment, source: Path) -> tuple[str, tuple[str, ...]]:
     """The MJCF at `source` with the fragment in place of the properties of its hinge `fragment.joint`, as text.
 
     The joint keeps its name, place and axis. Its own friction, damping, spring, armature and range are replaced, and
-    the motor takes the place of its actuators. Keyframes keep every angle; the new motor has 0 V. Raises InputError
-    for a file that MuJoCo does not load, before or after, and for another kind of joint.
+    the motor takes the place of its actuators. Keyframes keep every angle; the new motor has 0 V. The second value has
+    a sentence for each change, and for each tendon that goes on acting on the joint. Raises InputError for a file that
+    MuJoCo does not load, before or after, for another kind of joint, and for one that other joints' actuators move too.
     """
     root = _parse(source)
+    before, model = Snapshot(root), mujoco.MjModel.from_xml_path(str(source))
     body, hinge = _hinge(root, fragment.joint, source)
     place = {name: value for name, value in hinge.attrib.items() if name not in REPLACED}
     axis = {name: place.get(name, first) for name, first in (("axis", "0 0 1"), ("pos", "0 0 0"))}
@@ -93,8 +97,9 @@ def put_into(fragment: Fragment, source: Path) -> str:
         new.attrib = {**new.attrib, **(place if k == 0 else {}), **axis}
         body.insert(index + k, new)
     _refuse_constraints(root, fragment.joint, source)
-    _keep_keyframes(root, mujoco.MjModel.from_xml_path(str(source)), fragment)
-    motor, actuators, at = _take_out_actuators(root, fragment.joint)
+    own = own_actuators(model, fragment.joint, source)
+    _keep_keyframes(root, model, fragment, own)
+    motor, actuators, at = take_out_actuators(root, model, fragment.joint, own, source)
     if fragment.rotor:
         _section(root, "worldbody").append(_element(fragment.rotor))
     for name in SECTIONS:
@@ -109,7 +114,7 @@ def put_into(fragment: Fragment, source: Path) -> str:
             _section(root, name).append(new)
     ET.indent(root)
     _check_unchanged(_check_loads(root, source), fragment, motor, source)
-    return ET.tostring(root, encoding="unicode") + "\n"
+    return ET.tostring(root, encoding="unicode") + "\n", (*before.changes(root), *forces_beside(model, fragment.joint))
 
 
 def _parse(source: Path) -> ET.Element:
@@ -132,26 +137,7 @@ def _refuse_constraints(root: ET.Element, joint: str, source: Path) -> None:
                 )
 
 
-def _take_out_actuators(root: ET.Element, joint: str) -> tuple[str, ET.Element, int]:
-    """Remove the joint's actuators; the name for its motor, and the section and the place in it of the first of them.
-
-    The name is that of a single one, so that sensors find it; the place is the end where there is none.
-    """
-    actuators = [
-        (section, element)
-        for section in root.findall("actuator")
-        for element in section
-        if element.get("joint") == joint
-    ]
-    section = actuators[0][0] if actuators else _section(root, "actuator")
-    at = list(section).index(actuators[0][1]) if actuators else len(section)
-    for holder, element in actuators:
-        holder.remove(element)
-    names = [element.get("name", "") for _, element in actuators]
-    return names[0] if len(names) == 1 and names[0] else joint, section, at
-
-
-def _keep_keyframes(root: ET.Element, model: mujoco.MjModel, fragment: Fragment) -> None:
+def _keep_keyframes(root: ET.Element, model: mujoco.MjModel, fragment: Fragment, own: list[int]) -> None:
     """Keyframes of the model with zeros for the joints that the fragment adds, and 0 V for its motor.
 
     Its rotor hangs on the world, behind all other joints, and begins where the fragment does.
@@ -159,7 +145,6 @@ def _keep_keyframes(root: ET.Element, model: mujoco.MjModel, fragment: Fragment)
     joint, added = model.joint(fragment.joint), ["0"] * (len(fragment.joints) - 1)
     rotor = _element(fragment.rotor).iter("joint") if fragment.rotor else ()
     begins = [f"{fragment.start.get(each.get('name', ''), 0.0):.9g}" for each in rotor]
-    own = [k for k in range(model.nu) if model.actuator(k).trntype == 0 and model.actuator(k).trnid[0] == joint.id]
     for key in root.findall("keyframe/key"):
         for name, at, size in (("qpos", joint.qposadr[0], model.nq), ("qvel", joint.dofadr[0], model.nv)):
             values = key.get(name, "").split()

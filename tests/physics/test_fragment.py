@@ -171,7 +171,7 @@ def test_joint_of_a_model_of_others(tmp_path, play):
     values = PLAIN | STOPS | ({"width": 0.02, "rest": 0.0} if play else {})
     values |= {"fall": values["rise"]}  # else their difference acts as a spring
     fit = fit_of(actuated_joint(motor=Motor(load=0), knots=None, play=play), **values)
-    text = fragments.put_into(mjcf.fragment(fit, "knee", 2.0), tmp_path / "robot.xml")
+    text, _ = fragments.put_into(mjcf.fragment(fit, "knee", 2.0), tmp_path / "robot.xml")
     before, after = mujoco.MjModel.from_xml_string(MODEL), mujoco.MjModel.from_xml_string(text)
     knee = after.joint("knee")
     np.testing.assert_allclose(knee.range, [-0.5, 0.6], atol=1e-9)
@@ -193,7 +193,7 @@ def test_linkage_of_a_model_of_others(tmp_path, identified):
     """The coupled motor starts where the joint's angle is nearest to the model's first pose, and stays there."""
     fit, _ = identified
     (tmp_path / "robot.xml").write_text(MODEL)
-    text = fragments.put_into(mjcf.fragment(fit, "knee", 20.0), tmp_path / "robot.xml")
+    text, _ = fragments.put_into(mjcf.fragment(fit, "knee", 20.0), tmp_path / "robot.xml")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
@@ -234,7 +234,7 @@ def test_defaults_of_a_model_of_others_change_nothing(tmp_path, identified, defa
       diaginertia="1e-6 1e-6 1e-6"/></body></worldbody><actuator><motor name="m" joint="knee"/></actuator></mujoco>"""
     (tmp_path / "robot.xml").write_text(text)
     made = mjcf.fragment(fit, "knee", 20.0)
-    put = mujoco.MjModel.from_xml_string(fragments.put_into(made, tmp_path / "robot.xml"))
+    put = mujoco.MjModel.from_xml_string(fragments.put_into(made, tmp_path / "robot.xml")[0])
     alone = mujoco.MjModel.from_xml_string(made.model())
     put.opt.gravity[:] = alone.opt.gravity[:] = 0.0
     u = drawn(300, 12.0)

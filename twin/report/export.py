@@ -1,6 +1,7 @@
 """The report of `qpal export`: the files, and MJCF beside the fit that it was made from."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -39,6 +40,9 @@ def page(result: WrittenModel) -> Page:
             ),
             Section("MJCF", listings=[Listing("the file", result.fragment.model())]),
         ]
+        if result.into is not None:
+            listing = Listing("each element that differs, and what goes on acting", "\n".join(result.changes))
+            sections.append(Section(f"Changes in {Path(result.into).name}", listings=[listing]))
     return Page("Export", f"Made from {result.source.said}", sentences(result), sections, versions())
 
 
@@ -104,6 +108,7 @@ def _check_sentences(result: WrittenModel) -> list[str]:
     if result.torque_per_volt is None:
         texts.append("Forces are those of 1 N m per volt; give --torque-per-volt from the motor's data sheet.")
     texts += [f"Not in the elements: {sentence}." for sentence in result.fragment.left_out]
+    texts += [f"{capital(sentence)}." for sentence in result.changes]
     if not result.close and not _is_servo(result):
         texts.append(
             "A joint with only the parts that MJCF has comes closer: give the log in place of the fit, "

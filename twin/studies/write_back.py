@@ -54,6 +54,7 @@ class WrittenModel:
     fragment: mjcf.Fragment | None = None
     check: Check | None = None
     into: str | None = None
+    changes: tuple[str, ...] = ()
     torque_per_volt: float | None = None
     tangent: Tangent | None = None
 
@@ -72,6 +73,7 @@ class WrittenModel:
                 "difference_rms_percent_of_stroke": 100 * self.check.share,
                 "difference_worst_percent_of_stroke": 100 * self.check.worst,
                 "into": self.into,
+                "changes": list(self.changes),
             }
         if self.tangent is not None:
             summary["tangent"] = self.tangent.as_dict()
@@ -271,11 +273,12 @@ def write_back(
     fragment = mjcf.fragment(fit, joint, scale, link_inertia)
     write_text(folder / f"{joint}.xml", fragment.model())
     files.append((f"{joint}.xml", "MJCF that loads as it is, with a light link in place of yours"))
+    changes = tuple[str, ...]()
     if into is not None:
         model_path = folder / into.name if into.name != f"{joint}.xml" else folder / f"with-{into.name}"
-        write_text(model_path, put_into(fragment, into))
+        text, changes = put_into(fragment, into)
+        write_text(model_path, text)
         files.append((model_path.name, f"{into.name} with the joint put in"))
     fragment_check = check(mjcf.fragment(fit, joint, scale), fit, source.data)
-    return WrittenModel(
-        source, tuple(files), fragment, fragment_check, None if into is None else str(into), torque_per_volt, tangent
-    )
+    place = None if into is None else str(into)
+    return WrittenModel(source, tuple(files), fragment, fragment_check, place, changes, torque_per_volt, tangent)
