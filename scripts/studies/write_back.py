@@ -19,7 +19,7 @@ from sysid.bench.scenarios.real import servo_logs
 from sysid.blocks import Motor
 from sysid.export.mjcf import fragment
 from sysid.structures import actuated_joint
-from twin.fragment import check
+from twin.fragment.rollout import check
 from twin.studies.write_back import PARTS
 
 

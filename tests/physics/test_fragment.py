@@ -13,7 +13,7 @@ from sysid.base.errors import InputError
 from sysid.blocks import Motor, Play, ServoMotor
 from sysid.export import mjcf
 from sysid.structures import actuated_joint, servo_joint
-from twin import fragment as fragments
+from twin.fragment import into, rollout
 
 TS = 0.05
 
@@ -31,7 +31,7 @@ def drawn(N=600, amplitude=8.0, seed=0):
 
 def share(fit, u, **settings):
     data = sysid.IOData(u, u, TS)
-    return fragments.check(mjcf.fragment(fit, "knee", **settings), fit, data)
+    return rollout.check(mjcf.fragment(fit, "knee", **settings), fit, data)
 
 
 PLAIN = {"gain": 0.01, "lag": 0.6, "rise": 1.5, "fall": 1.0, "x0": 0.1, "v0": 0.0, "delay": 0.4}
@@ -126,7 +126,7 @@ def test_identified_joints_of_the_leg(identified):
     """The goal: less than 0.5 % of the stroke RMS between the chain and its MJCF."""
     fit, data = identified
     made = mjcf.fragment(fit, "knee")
-    assert fragments.check(made, fit, data).share < 0.005
+    assert rollout.check(made, fit, data).share < 0.005
     motor = ET.fromstring(made.actuator)
     speed = 1.0 / float(motor.get("motorconst").split()[0])  # strokes per second and volt
     values = {p.name: p.value for p in fit.parameters}
@@ -135,7 +135,7 @@ def test_identified_joints_of_the_leg(identified):
 
 def test_torque_scales_forces_and_nothing_else(identified):
     fit, data = identified
-    small, large = (fragments.check(mjcf.fragment(fit, "knee", torque_per_volt=k), fit, data) for k in (0.2, 5.0))
+    small, large = (rollout.check(mjcf.fragment(fit, "knee", torque_per_volt=k), fit, data) for k in (0.2, 5.0))
     np.testing.assert_allclose(small.rolled, large.rolled, rtol=0, atol=2e-3 * np.ptp(small.chain))
 
 
@@ -171,7 +171,7 @@ def test_joint_of_a_model_of_others(tmp_path, play):
     values = PLAIN | STOPS | ({"width": 0.02, "rest": 0.0} if play else {})
     values |= {"fall": values["rise"]}  # else their difference acts as a spring
     fit = fit_of(actuated_joint(motor=Motor(load=0), knots=None, play=play), **values)
-    text, _ = fragments.put_into(mjcf.fragment(fit, "knee", 2.0), tmp_path / "robot.xml")
+    text, _ = into.put_into(mjcf.fragment(fit, "knee", 2.0), tmp_path / "robot.xml")
     before, after = mujoco.MjModel.from_xml_string(MODEL), mujoco.MjModel.from_xml_string(text)
     knee = after.joint("knee")
     np.testing.assert_allclose(knee.range, [-0.5, 0.6], atol=1e-9)
@@ -193,7 +193,7 @@ def test_linkage_of_a_model_of_others(tmp_path, identified):
     """The coupled motor starts where the joint's angle is nearest to the model's first pose, and stays there."""
     fit, _ = identified
     (tmp_path / "robot.xml").write_text(MODEL)
-    text, _ = fragments.put_into(mjcf.fragment(fit, "knee", 20.0), tmp_path / "robot.xml")
+    text, _ = into.put_into(mjcf.fragment(fit, "knee", 20.0), tmp_path / "robot.xml")
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 200)
@@ -234,7 +234,7 @@ def test_defaults_of_a_model_of_others_change_nothing(tmp_path, identified, defa
       diaginertia="1e-6 1e-6 1e-6"/></body></worldbody><actuator><motor name="m" joint="knee"/></actuator></mujoco>"""
     (tmp_path / "robot.xml").write_text(text)
     made = mjcf.fragment(fit, "knee", 20.0)
-    put = mujoco.MjModel.from_xml_string(fragments.put_into(made, tmp_path / "robot.xml")[0])
+    put = mujoco.MjModel.from_xml_string(into.put_into(made, tmp_path / "robot.xml")[0])
     alone = mujoco.MjModel.from_xml_string(made.model())
     put.opt.gravity[:] = alone.opt.gravity[:] = 0.0
     u = drawn(300, 12.0)
@@ -261,7 +261,7 @@ def test_models_that_do_not_fit_are_said(tmp_path, text, name, said):
     (tmp_path / "robot.xml").write_text(text)
     fit = fit_of(actuated_joint(motor=Motor(load=0), knots=None, play=False), **PLAIN, **STOPS)
     with pytest.raises(InputError, match=said):
-        fragments.put_into(mjcf.fragment(fit, name), tmp_path / "robot.xml")
+        into.put_into(mjcf.fragment(fit, name), tmp_path / "robot.xml")
 
 
 def test_what_is_no_joint_is_said():

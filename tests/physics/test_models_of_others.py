@@ -10,7 +10,7 @@ from sysid import InputError
 from sysid.blocks import Motor, Play
 from sysid.export import mjcf
 from sysid.structures import actuated_joint
-from twin.fragment import put_into
+from twin.fragment.into import put_into
 
 VALUES = {"gain": 0.01, "lag": 0.6, "rise": 1.5, "fall": 1.5, "x0": 0.1, "v0": 0.0, "delay": 0.4}
 VALUES |= {"lower": -0.5, "upper": 0.6, "width": 0.02, "rest": 0.0}

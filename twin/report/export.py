@@ -17,7 +17,7 @@ from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.saved import UNFIT
-from twin.fragment import Check
+from twin.fragment.rollout import Check
 from twin.studies.write_back import CLOSE, WrittenModel
 
 

@@ -22,7 +22,8 @@ from sysid.linear import linearize
 from sysid.linear.linearize import Tangent
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.record import read_record
-from twin.fragment import Check, check, put_into
+from twin.fragment.into import put_into
+from twin.fragment.rollout import Check, check
 
 PARTS = ("stribeck", "plays")  # of a joint, those that MJCF has elements for
 SHOWN_BY = {"stribeck": ".stick", "plays": ".width"}  # parameters

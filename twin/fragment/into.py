@@ -1,8 +1,7 @@
-"""MJCF fragments of identified joints in MuJoCo: rolled out against the fit, and put into a model of the user's."""
+"""The MJCF fragment of an identified joint, put into a model of the user's."""
 
 import xml.etree.ElementTree as ET
 from copy import deepcopy
-from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
@@ -10,11 +9,9 @@ import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from sysid.base.files import check_regular_file
-from sysid.data.record import IOData
-from sysid.estimation.result import Fit
-from sysid.export.mjcf import STEP, Fragment
-from twin.drives import forces_beside, own_actuators, take_out_actuators
-from twin.tree_changes import Snapshot
+from sysid.export.mjcf import Fragment
+from twin.fragment.drives import forces_beside, own_actuators, take_out_actuators
+from twin.fragment.tree_changes import Snapshot
 
 # What the elements cannot do without.
 NEEDED = sum(
@@ -25,55 +22,6 @@ SECTIONS = ("tendon", "equality", "actuator")
 ANGLES = ("range", "springref")  # attributes of a hinge that follow the model's unit of angle
 # Attributes of the user's joint that describe the same things as the fragment's, and would count twice.
 REPLACED = ("armature", "damping", "frictionloss", "stiffness", "springref", "range", "limited")
-
-
-@dataclass(frozen=True)
-class Check:
-    """Roll-out of a fragment (N,) beside the free run of its fit (N,), under the same input u (N,)."""
-
-    u: np.ndarray
-    chain: np.ndarray
-    rolled: np.ndarray
-    Ts: float
-
-    @property
-    def share(self) -> float:
-        """RMS of the difference, as a share of the range of the free run."""
-        return float(np.sqrt(np.mean((self.rolled - self.chain) ** 2)) / np.ptp(self.chain))
-
-    @property
-    def worst(self) -> float:
-        """Largest difference, as a share of the range of the free run."""
-        return float(np.abs(self.rolled - self.chain).max() / np.ptp(self.chain))
-
-
-def check(fragment: Fragment, fit: Fit, data: IOData) -> Check:
-    """The fragment against its fit, under the input of `data` from the fit's initial state."""
-    u = data.u[: data.lengths[0], 0]
-    free = fit.model.simulate(fit.theta, data.u[: len(u)]).ravel()
-    return Check(u, free, rollout(fragment, u, data.Ts), data.Ts)
-
-
-def rollout(fragment: Fragment, u: np.ndarray, Ts: float) -> np.ndarray:
-    """The fragment's reading (N,) at k Ts, under u (N,) [V] held from sample to sample."""
-    model = mujoco.MjModel.from_xml_string(fragment.model())
-    data = mujoco.MjData(model)
-    for name, value in fragment.start.items():
-        data.qpos[model.joint(name).qposadr[0]] = value
-    if model.actuator_history[0, 0] > 0:  # a chain takes the input before the record as its first one
-        mujoco.mj_initCtrlHistory(model, data, 0, None, np.full(int(model.actuator_history[0, 0]), u[0]))
-    places = [int(model.joint(name).qposadr[0]) for name in fragment.reading]
-    ends = np.round(np.arange(1, len(u) + 1) * Ts / STEP).astype(int)
-    read, current_step = np.zeros(len(u)), 0
-    for k, end in enumerate(ends):
-        read[k] = data.qpos[places].sum()
-        data.ctrl[0] = u[k]
-        if end > current_step:
-            mujoco.mj_step(model, data, int(end - current_step))
-        current_step = end
-    if not np.all(np.isfinite(read)) or any(w.number for w in data.warning):
-        raise InputError("the fragment's simulation became unstable; give a larger torque_per_volt or link_inertia")
-    return read
 
 
 def put_into(fragment: Fragment, source: Path) -> tuple[str, tuple[str, ...]]:
