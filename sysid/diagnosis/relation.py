@@ -108,7 +108,7 @@ def _orders(nk: int) -> tuple[str, tuple[str, ...]]:
 def _feedback(u: str, y: str, p: float | None) -> Advice:
     if p is None:
         return Advice(
-            "feedback", f"the past of {u} determines its future: no test for feedback from {y}", 1.0, "", "note"
+            "feedback", f"{u} changes too seldom, or too regularly, to test for feedback from {y}", 1.0, "", "note"
         )
     if p >= LEVEL:
         return Advice("feedback", f"no sign of feedback from {y} to {u} ({probability(p)})", p, "", "fine")

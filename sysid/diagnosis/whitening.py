@@ -19,6 +19,7 @@ from sysid.diagnosis.delay_range import DelayRange, delay_ranges
 from sysid.diagnosis.finding import LEVEL
 
 _NEW_DIRECTION = 1e-6  # part of a column that is left after the others, below which it adds nothing
+_SHARED = 0.2  # leverage of a row that is evidence: more is risky (Huber, Robust Statistics, 1981, section 7.2)
 _LEVERAGE = 0.5  # largest that counts: rows that determine their own value have no error to judge by
 ORDERS = (2, 4, 8, 12, 16, 24, 32, 48)
 LONGEST = 20_000  # samples; with more, the tests reject every model
@@ -47,8 +48,9 @@ def orthonormal_columns(X: np.ndarray) -> np.ndarray:
 
 def joint_test(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
     """Test of the columns `extra` (M, k) beyond the orthonormal Q (M, r), for the errors e (M,) without them."""
+    size = np.linalg.norm(extra, axis=0)
     extra = extra - extra.mean(axis=0)
-    residue = extra / _column_norms(extra)
+    residue = extra / np.maximum(_column_norms(extra), _NEW_DIRECTION * size)  # a constant's rounding is no direction
     for _ in range(2):  # twice is enough (Kahan, in Parlett 1980)
         residue = residue - Q @ (Q.T @ residue)
     U, size, _ = np.linalg.svd(residue, full_matrices=False)
@@ -56,12 +58,44 @@ def joint_test(Q: np.ndarray, extra: np.ndarray, e: np.ndarray) -> Directions:
     return Directions(U, U.T @ e, p_value(Q, U, e), float(np.sum((U.T @ e) ** 2)) / (float(e @ e) or 1.0))
 
 
+def shared_test(X: np.ndarray, y: np.ndarray, extra: np.ndarray) -> Directions:
+    """Test of the columns `extra` (M, k) beyond X (M, n), for the errors that X leaves of y (M,).
+
+    A row that determines a direction almost alone, as one before a jump of an input that seldom changes, is no evidence
+    and is left out. No directions are left if there are none in all other rows.
+    """
+    while len(y) >= X.shape[1] + _LEAST:
+        Q = orthonormal_columns(X)
+        directions = joint_test(Q, extra, y - Q @ (Q.T @ y))
+        shared = np.sum(directions.U**2, axis=1) <= _SHARED
+        if shared.all():
+            return directions
+        X, y, extra = X[shared], y[shared], extra[shared]
+    return Directions(np.zeros((len(y), 0)), np.zeros(0), 1.0, 0.0)
+
+
 def p_value(Q: np.ndarray, U: np.ndarray, e: np.ndarray) -> float:
     """Probability that chance alone gives U'e (k,) as large, for errors e after the orthonormal Q (M, r)."""
     if not U.shape[1] or not np.any(e):
         return 1.0
-    s = U.T @ e
-    return wald_p_value(s, robust_covariance(np.hstack([Q, U]), U, e - U @ s), len(e) - Q.shape[1] - U.shape[1])
+    s, k = U.T @ e, U.shape[1]
+    freedom = min(_freedom(U), len(e) - Q.shape[1] - k)
+    if freedom < 1.0:
+        return 1.0
+    scale = freedom / (freedom + k - 1.0)
+    return wald_p_value(s * np.sqrt(scale), robust_covariance(np.hstack([Q, U]), U, e - U @ s), freedom)
+
+
+def _freedom(U: np.ndarray) -> float:
+    """Degrees of freedom that the robust covariance leaves a test of the orthonormal directions U (M, k); none below 1.
+
+    The covariance is taken for a Wishart matrix whose entries have the same total variance, nu = k (k + 1) / (2 sum
+    h^2) with the leverages h (M,) of the rows, and the test for Hotelling's, nu - k + 1 (Pustejovsky and Tipton, J.
+    Business and Economic Statistics 36, 2018). What an input of few changes adds stands in few rows, and each change
+    counts as one; a single direction over all rows keeps one for each.
+    """
+    k, h = U.shape[1], np.sum(U**2, axis=1)
+    return k * (k + 1.0) / (2.0 * float(h @ h)) - k + 1.0
 
 
 def robust_covariance(Q: np.ndarray, U: np.ndarray, errors: np.ndarray) -> np.ndarray:
@@ -74,7 +108,7 @@ def robust_covariance(Q: np.ndarray, U: np.ndarray, errors: np.ndarray) -> np.nd
     return np.asarray(half.T @ half)
 
 
-def wald_p_value(s: np.ndarray, covariance: np.ndarray, freedom: int) -> float:
+def wald_p_value(s: np.ndarray, covariance: np.ndarray, freedom: float) -> float:
     """Probability that chance alone gives s (k,) of this covariance (k, k) as large (F)."""
     values, vectors = np.linalg.eigh(covariance)
     keep = values > 1e-8 * max(values[-1], 1e-300)
@@ -125,12 +159,9 @@ class Whitened:
         """Orthonormal columns (M, r) that span X."""
         return orthonormal_columns(self.X)
 
-    def added(self, extra: np.ndarray, use: np.ndarray | None = None) -> Directions:
-        """The joint test of further columns (M, k) over the rows `use`."""
-        if use is None or use.all():
-            return joint_test(self.basis, extra, self.regression.e)
-        Q, y = orthonormal_columns(self.X[use]), self.y[use]
-        return joint_test(Q, extra[use], y - Q @ (Q.T @ y))
+    def added(self, extra: np.ndarray) -> Directions:
+        """The joint test of further columns (M, k)."""
+        return shared_test(self.X, self.y, extra)
 
     def shifted(self, i: int, ahead: int) -> tuple[np.ndarray, np.ndarray]:
         """Input i `ahead` samples after each row's own (M,), and which rows have that sample."""
@@ -223,12 +254,16 @@ def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 
     They do predict it if a controller responds to the output (Sims' test in the form of Geweke, Meese and Dent 1983). A
-    response within the same sample appears in lag 0 of `delay`, not here. None if past inputs determine later ones. A
-    share below a hundredth of the one-step error's variance counts as none: the error of a linear model of a nonlinear
-    plant is a function of the input, and over many samples a trace of it follows later inputs too.
+    response within the same sample appears in lag 0 of `delay`, not here. The input of the row's own sample is held
+    fixed too, in case the delay is shorter than `white` takes it for. None if past inputs determine later ones, or do
+    but for the rows before a few jumps. A share below a hundredth of the one-step error's variance counts as none: the
+    error of a linear model of a nonlinear plant is a function of the input, and over many samples a trace of it follows
+    later inputs too.
     """
-    columns, has = zip(*(white.shifted(i, k) for k in range(1, ahead + 1)), strict=True)
-    directions = white.added(np.column_stack(columns), np.all(has, axis=0))
+    columns, has = zip(*(white.shifted(i, k) for k in range(ahead + 1)), strict=True)
+    use = np.all(has, axis=0)
+    X, later = np.column_stack([white.X, columns[0]]), np.column_stack(columns[1:])
+    directions = shared_test(X[use], white.y[use], later[use])
     if not directions.U.shape[1]:
         return None
     return directions.p if directions.share >= _LOOP else 1.0

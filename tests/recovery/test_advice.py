@@ -150,6 +150,49 @@ def test_feedback_is_found():
         assert found >= power * runs - 4 * np.sqrt(power * (1 - power) * runs), (n, found)
 
 
+def steps(changes, rng):
+    """A first-order plant, its time constant and noise drawn, whose input changes so often to drawn levels."""
+    n, p = int(rng.integers(150, 600)), np.exp(-1 / rng.uniform(2, 20))
+    u, sigma = np.zeros(n), 10 ** rng.uniform(-3, -0.5)
+    for start in np.sort(rng.choice(np.arange(20, n - 20), changes, replace=False)):
+        u[start:] = 1.0 if changes == 1 else rng.normal()
+    return IOData(u, lfilter([0.0, 1 - p], [1, -p], u) + sigma * rng.normal(size=n), 1.0)
+
+
+def regulated(rng):
+    """The same plant under a PI controller that answers a sample later; its reference jumps three times."""
+    n, p, sigma = int(rng.integers(200, 600)), np.exp(-1 / rng.uniform(2, 20)), 10 ** rng.uniform(-2, -1)
+    K, r, noise = rng.uniform(0.1, 0.4) / (1 - p), np.zeros(n), sigma * rng.normal(size=n)
+    for start in np.sort(rng.choice(np.arange(20, n - 20), 3, replace=False)):
+        r[start:] = rng.normal()
+    u, y, x, sum_of_errors = np.zeros(n), np.zeros(n), 0.0, 0.0
+    for k in range(1, n):
+        x = p * x + (1 - p) * u[k - 1]
+        y[k] = x + noise[k]
+        error = r[k] - y[k - 1]
+        sum_of_errors += error
+        u[k] = K * (error + 0.15 * (1 - p) * sum_of_errors)
+    return IOData(u, y, 1.0)
+
+
+@pytest.mark.parametrize("changes", [1, 2, 3, 5, 10])
+def test_an_input_that_seldom_changes_is_no_feedback_and_no_bend(changes):
+    """The jumps stand in so few rows that a test with many degrees of freedom finds what is not there."""
+    loops, bends = 0, 0
+    for seed in range(RUNS):
+        w = whiten(steps(changes, np.random.default_rng([7, changes, seed])))
+        p, bend = feedback(w), nonlinearity(w)
+        loops += p is not None and p < LEVEL
+        bends += bend is not None and bend.p_value < LEVEL
+    assert max(loops, bends) <= WORST * RUNS, (loops, bends)
+
+
+def test_a_controller_whose_reference_jumps_is_found():
+    """The jumps of the reference would hide what the controller makes of the noise; few rows hold them."""
+    runs = RUNS // 2
+    assert sum(feedback(whiten(regulated(np.random.default_rng([8, k])))) < LEVEL for k in range(runs)) == runs
+
+
 @pytest.mark.slow
 def test_drift_is_found():
     found = 0
