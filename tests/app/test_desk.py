@@ -9,15 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 from app_served import wait, write_log
+from scipy.signal import lfilter
 
 import sysid
 from sysid.base.errors import InputError
+from sysid.base.quantities import percent
 from sysid.drawing.plotly import base_layout
 from sysid.report.figures import TABLE
+from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting as Wanted
 from twin.app import tasks
 from twin.app.desk import Desk, script
 from twin.app.entries import Data, Model, Prepare, Setting
-from twin.app.figures import stack_panels, tab_of
+from twin.app.figures import name_of, stack_panels, tab_of
 from twin.app.jobs import DONE, FAILED, Jobs
 from twin.app.session import Session
 
@@ -281,3 +285,36 @@ def test_the_saved_model_opens_with_the_session(desk):
     assert (
         Data.model_validate_json((desk.session.folder / "data" / "d1" / "entry.json").read_text()).name == "thigh.csv"
     )
+
+
+def test_a_step_test_is_fitted_as_a_whole_as_on_the_command_line(tmp_path):
+    """Against `identify` on the same file; another share that is no two parts is refused, with the one that works."""
+    u = np.repeat([0.0, 1.0], [50, 150])
+    y = lfilter([0.0, 0.2], [1.0, -0.9], u) + 0.01 * np.random.default_rng(1).normal(size=200)
+    log, copy = tmp_path / "step.csv", tmp_path / "copy.csv"
+    for path in (log, copy):
+        np.savetxt(path, np.column_stack([0.02 * np.arange(200), u, y]), delimiter=",", header="t,u,y", comments="")
+    own = Desk(Session.open(tmp_path / "session"), Jobs(1))
+    try:
+        own.add_log("step.csv", copy)
+        wait(own)
+        own.fit("d1", Setting(**LINEAR, split=0.8))
+        own.fit("d1", Setting(**LINEAR))
+        wait(own)
+        refused = next(job.error for job in own.jobs.all if job.error)
+        assert "choose 0.5: where the halves are so too, as in a step test, all is used for the fit" in refused
+        (model,) = own.session.models.values()
+        result = identify_file(log, Wanted(Setting(**LINEAR).recipe(), starts=1)).evaluation
+        assert model.whole
+        assert model.fit_estimation == result.estimation_fit
+        assert model.fit_validation is None
+        assert result.notes[0] in model.notes
+        (key,) = own.session.models
+        assert len(own.runs(key).t) == 200
+        assert name_of(key, model) == f"{key}: {percent(model.fit_estimation)} of the record"
+        (tmp_path / "again.py").write_bytes(own.content("models", key, "script.py"))
+        done = subprocess.run([sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True)
+        assert done.stdout.splitlines()[0] == f"fit on the estimation data: {model.fit_estimation!r} %", done.stderr
+        assert "validation data" not in done.stdout
+    finally:
+        own.close()

@@ -144,7 +144,8 @@ class Setting(Entry):
 class Model(Entry):
     """A fitted model: the record and the settings that gave it, and what the board shows.
 
-    A fit [%] is None where the free run left every bound. `joint` says whether MJCF has elements for it.
+    A fit [%] is None where the free run left every bound. `joint` says whether MJCF has elements for it, `whole` that
+    all of the record was fitted and there is no fit to unseen data.
     """
 
     name: Name
@@ -158,6 +159,7 @@ class Model(Entry):
     seconds: float
     converged: bool
     joint: bool = False
+    whole: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -226,11 +228,11 @@ def load_record(path: Path) -> IOData:
 
 def save_runs(evaluation: Any, start: float, path: Path) -> None:
     """Write the free runs of an evaluation whose record begins `start` [s] after that of the log."""
-    estimation, validation = evaluation.estimation, evaluation.validation
+    estimation, parts = evaluation.estimation, [(evaluation.estimation, evaluation.estimation_output)]
+    parts += [(evaluation.validation, evaluation.validation_output)] if evaluation.unseen else []
     offset = estimation.y_offset[0]
-    outputs = [np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part in (estimation, validation)]
-    y = np.concatenate(outputs) + offset
-    run = np.concatenate([np.ravel(evaluation.estimation_output), np.ravel(evaluation.validation_output)]) + offset
+    y = np.concatenate([np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part, _ in parts]) + offset
+    run = np.concatenate([np.ravel(output) for _, output in parts]) + offset
     t = start + np.arange(len(y)) * estimation.Ts
     words = {"name": np.array(estimation.y_name), "unit": np.array(estimation.y_unit)}
     _write(path, t=t, y=y, run=run, border=np.array(start + (estimation.N - 0.5) * estimation.Ts), **words)

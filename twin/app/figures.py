@@ -18,7 +18,7 @@ from sysid.plots.records import record_figure
 from sysid.report import page
 from sysid.report.figures import TABLE
 from sysid.workflow.results import Evaluation
-from twin.app.entries import Runs
+from twin.app.entries import Model, Runs
 
 if TYPE_CHECKING:
     from twin.calibrate.result import Calibration
@@ -137,6 +137,7 @@ def remark(figure: Plotly) -> str:
     return str(figure.get("layout", {}).get("meta", {}).get("said", ""))
 
 
-def name_of(name: str, fit: float | None) -> str:
-    """A model in a legend."""
-    return f"{name}: {percent(fit) if fit is not None else 'no finite fit'}"
+def name_of(key: str, model: Model) -> str:
+    """A model in a legend, with its fit to unseen data, or to the record where all of it was fitted."""
+    fit = model.fit_estimation if model.whole else model.fit_validation
+    return f"{key}: {percent(fit) if fit is not None else 'no finite fit'}{' of the record' if model.whole else ''}"

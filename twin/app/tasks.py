@@ -37,7 +37,12 @@ def open_record(log: Path, entry: Data) -> Record:
 
 
 def fit_parts(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IOData, tuple[str, ...]]:
-    """Estimation and validation data for a fit, and what was done to the record in sentences."""
+    """Estimation and validation data for a fit, and what was done to the record in sentences.
+
+    Both are all of a record whose halves are no two parts, as on the command line; raises InputError for other shares
+    that are none.
+    """
+    from sysid.workflow.evaluation import moves_in_one_part
     from sysid.workflow.record import without_wraps
 
     kind = setting.recipe()
@@ -46,6 +51,14 @@ def fit_parts(record: Record, entry: Data, setting: Setting) -> tuple[IOData, IO
     steps = entry.prepare.preparation()
     data, sentences = replace(steps, detrend=kind.detrend(steps.detrend)).steps(record.data)
     estimation, validation = data.split(setting.split)
+    if moves_in_one_part(estimation, validation):
+        half = Setting().split
+        if setting.split != half:
+            raise InputError(
+                f"with {setting.split:g} as the estimation part the input moves in one of the two parts alone; choose "
+                f"{half:g}: where the halves are so too, as in a step test, all is used for the fit"
+            )
+        estimation = validation = data
     return estimation, validation, (*record.remarks, *sentences)
 
 
@@ -91,6 +104,7 @@ def advise(request: dict[str, Any], tell: Tell) -> None:
 def fit(request: dict[str, Any], tell: Tell) -> None:
     """Fits a model; its files are ready before the report is drawn."""
     from sysid.workflow.evaluation import check_parts, evaluate
+    from sysid.workflow.results import without_validation
     from sysid.workflow.saved import export
     from sysid.workflow.setting import Setting as Settings
     from twin.app import figures
@@ -108,6 +122,8 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
     step = _counter(tell, lambda k: 0.05 + 0.85 * k / (k + USUAL), "search")
     settings = Settings(setting.recipe(), "auto", setting.starts, setting.seed)
     evaluation = evaluate(settings, estimation, validation, step)
+    whole = validation is estimation
+    evaluation = without_validation(evaluation) if whole else evaluation
     seconds = time.perf_counter() - start_time
     tell(said="drawing", share=0.92)
     exports = export(evaluation, files)
@@ -130,6 +146,7 @@ def fit(request: dict[str, Any], tell: Tell) -> None:
         seconds=seconds,
         converged=bool(evaluation.fit.stop.converged),
         joint=(files / "joint.xml").exists(),
+        whole=whole,
         notes=(*notes, *complaints),
     )
     tell(ready=model.model_dump(mode="json"))
@@ -243,7 +260,8 @@ def _report(record: Record, entry: Data, setting: Setting, evaluation: Any, expo
     from sysid.workflow.results import Identification
 
     steps = entry.prepare.preparation()
-    plan = Plan(split=setting.split, detrend=setting.recipe().detrend(steps.detrend), preparation=steps)
+    detrend = setting.recipe().detrend(steps.detrend)
+    plan = Plan(split=setting.split, detrend=detrend, preparation=steps, whole=not evaluation.unseen)
     result = Identification(record, plan, evaluation, ())
     with atomic_file(path) as temporary:
         temporary.write_text(report.page(replace(result, next=next_step(result)), exports).html(), encoding="utf-8")

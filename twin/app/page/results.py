@@ -64,8 +64,8 @@ class BoardPanel(Panel):
             if not model.converged:
                 ui.icon("warning", color="warning").tooltip("the search did not converge; give more starts")
         _cell(model.data)
-        for fit in (model.fit_estimation, model.fit_validation):
-            _cell("no finite fit" if fit is None else f"{fit:.1f}" if fit > -1000 else "below -1000", NUMBERS)
+        _cell(_fit_cell(model.fit_estimation), NUMBERS)
+        _cell("none unseen" if model.whole else _fit_cell(model.fit_validation), NUMBERS)
         _cell(str(model.d), NUMBERS)
         _cell(f"{model.seconds:.1f}", NUMBERS)
         with ui.element("td"):
@@ -85,7 +85,7 @@ class BoardPanel(Panel):
         runs = dict[str, Runs]()
         for key in keys:
             try:
-                runs[figures.name_of(key, models[key].fit_validation)] = self.desk.runs(key)
+                runs[figures.name_of(key, models[key])] = self.desk.runs(key)
             except InputError as error:
                 tell(str(error))
         if other_keys:
@@ -165,6 +165,10 @@ class DetailPanel(Panel):
 def rank(model: Model) -> float:
     """By which models stand on the board: the fit on the validation data [%]."""
     return -1e300 if model.fit_validation is None else model.fit_validation
+
+
+def _fit_cell(fit: float | None) -> str:
+    return "no finite fit" if fit is None else f"{fit:.1f}" if fit > -1000 else "below -1000"
 
 
 def _cell(text: str, classes: str = "") -> None:
