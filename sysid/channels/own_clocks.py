@@ -2,7 +2,7 @@
 
 One rule for every format. A signal has the clock whose name shares the signal's (`t_u`, `u`; `input.t`, `input.v`), or
 its role (`t_in`, `u`), else the only one of its length, else the one before it where clock and signals follow each
-other throughout (`X, Y, X2, Y2`). Only clocks that overlap are compared; `clock` of a channel in a mapping says it
+other throughout (`X, Y, X2, Y2`), or behind it where the signals come first. Only clocks that overlap are compared; `clock` of a channel in a mapping says it
 instead.
 """
 
@@ -24,6 +24,7 @@ from sysid.channels.roles import INPUT, OUTPUT, REFERENCE, WEAK_INPUT, WEAK_OUTP
 from sysid.data.table import Table
 
 SPAN = 0.1  # of the longer of two spans, by which columns without a name may begin and end apart and be clocks still
+BEFORE, BEHIND = "it stands before it", "it stands behind it"
 SHOWN = 6  # signals in a sentence
 STEM_NOT = CLOCK_WORDS | set(TIMES) | words("header stamps times x axis")
 ROLE_WORDS = {"input": INPUT | REFERENCE | WEAK_INPUT, "output": OUTPUT | WEAK_OUTPUT}
@@ -133,10 +134,13 @@ def _clock_of(name: str, clocks: Columns, signals: Columns, lengths: Mapping[str
     mine = [clock for clock, size in sizes.items() if size == _size(signals[name])]
     if len(mine) == 1 and (len(fitting) < len(clocks) or len(set(sizes.values())) == len(sizes)):
         return mine[0], "both have one length"
-    order = [each for each in lengths if each in clocks or each in signals]
-    last = [each for each in order[: order.index(name)] if each in clocks]
-    parted = order[0] in clocks and not any(a in clocks and b in clocks for a, b in pairwise(order))
-    return (last[-1], "it stands before it") if parted and order[-1] in signals and last[-1] in fitting else None
+    order, reason = [each for each in lengths if each in clocks or each in signals], BEFORE
+    if order[0] in signals:
+        order, reason = order[::-1], BEHIND
+    if order[-1] in clocks or any(a in clocks and b in clocks for a, b in pairwise(order)):
+        return None
+    nearest = [each for each in order[: order.index(name)] if each in clocks][-1]
+    return (nearest, reason) if nearest in fitting else None
 
 
 def _size(column: Column) -> int:
@@ -167,4 +171,4 @@ def _belong_to_signals(clocks: Columns, reasons: set[str], nameless: bool) -> bo
     if all(abs(float(np.median(each))) <= SAME_TIME * step for each in distances):
         return False
     letters = {frozenset(c.header.words) for c in clocks.values()}
-    return "it stands before it" not in reasons or len(letters) == 1
+    return reasons.isdisjoint((BEFORE, BEHIND)) or len(letters) == 1

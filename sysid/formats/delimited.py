@@ -3,7 +3,7 @@
 import csv
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import ClassVar
@@ -23,6 +23,7 @@ HEADER = "qpal:"
 AMBIGUOUS = (".dat", ".txt")  # of tables and of captures
 SAMPLE = 200  # lines that show the separator and the header
 FEW = 3  # rows that tell nothing about the others
+UNIT_MARK = re.compile(r"\s*[\[({/].*|$", re.DOTALL)  # what may be a unit, behind a name
 SEPARATOR = re.compile(r'"?sep=([,;\t|])"?', re.IGNORECASE)  # what Excel writes as the first line, and takes it from
 
 
@@ -35,13 +36,15 @@ class Head:
     layout: Layout
     start: int
     preamble: Preamble | None = None
+    again: Mapping[str, str] = field(default_factory=dict)  # names that the header gives to a column before, too
 
 
 class Delimited:
     """Reads .csv, .tsv, .txt and .dat; writes .csv: names, then one row per sample in full precision.
 
     A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ..., or by the
-    comment line above them that has a name for each. A second row that holds only units gives the units. Blank lines
+    comment line above them that has a name for each. A name that comes again gets its number, `Time` and `Time 2`;
+    where both columns hold the same, one is read. A second row that holds only units gives the units. Blank lines
     and lines that start with # or % are skipped, but count in row numbers; so does Excel's line `sep=;`. A column
     without entries (a trailing comma) is dropped. A comma inside the cells is the decimal mark. The header of `write`
     stands in comment lines `# qpal: ...` at the top, which other programs skip or show.
@@ -82,11 +85,19 @@ def _read(path: Path) -> Table:
     body.read()
     if not len(body.rows):
         raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
-    rows = (body.rows,) * len(head.names)
-    columns, notes = tuple(body.columns), tuple(body.notes)
+    columns = dict(zip(head.names, body.columns, strict=True))
+    notes = (*body.notes, *_settle_repeated(columns, head.again))
+    rows = (body.rows,) * len(columns)
     lines_above = tuple(line for line in comments(path) if not line.startswith(HEADER))
     table = Table(
-        path, head.names, columns, rows, decimal=body.decimal, units=head.units, notes=notes, comments=lines_above
+        path,
+        tuple(columns),
+        tuple(columns.values()),
+        rows,
+        decimal=body.decimal,
+        units={name: unit for name, unit in head.units.items() if name in columns},
+        notes=notes,
+        comments=lines_above,
     )
     return table if head.preamble is None else head.preamble.finished(table)
 
@@ -137,13 +148,12 @@ def _head(path: Path) -> Head:
         return Head(tuple(names), units_of(names), layout, sep_row + 1)
     if len(rows) == 1:
         raise InputError(f"{path} has a header and no rows under it; give a file with one row a sample")
-    names = [name or str(j + 1) for j, name in enumerate(first)]
-    _check_names(path, names)
+    names, again = _numbered([name or str(j + 1) for j, name in enumerate(first)])
     units, start = units_of(names), sample[0][0] + 1
     if unit_row := _units_of_row(second_row):
         units |= {name: unit for name, unit in zip(names, unit_row, strict=False) if unit}
         start = sample[1][0] + 1
-    return Head(tuple(names), units, layout, start)
+    return Head(tuple(names), units, layout, start, again=again)
 
 
 def _split(line: str, separator: str | None) -> list[str]:
@@ -211,9 +221,34 @@ def _names_in_comment(path: Path, layout: Layout) -> list[str] | None:
     return names if named and all(re.match(r"[^\W\d]", name) for name in names) else None
 
 
-def _check_names(path: Path, names: list[str]) -> None:
-    names_so_far = set()
+def _numbered(names: Sequence[str]) -> tuple[list[str], dict[str, str]]:
+    """The names, each that comes again with its number in front of its unit, and what the header calls those."""
+    distinct, again = list[str](), dict[str, str]()
     for name in names:
-        if name in names_so_far:
-            raise InputError(f"{path}: two columns are called {name!r}; rename one of them")
-        names_so_far.add(name)
+        own, number = name, 1
+        while own in distinct or (own in names and number > 1):
+            number += 1
+            place = UNIT_MARK.search(name, 1)
+            assert place is not None
+            own = f"{name[: place.start()]} {number}{place[0]}"
+        distinct.append(own)
+        again |= {own: name} if number > 1 else {}
+    return distinct, again
+
+
+def _settle_repeated(columns: dict[str, Sequence[str] | np.ndarray], again: Mapping[str, str]) -> list[str]:
+    """Takes away columns that hold the same as the one of their name before; a note on each that the header repeats."""
+    notes = []
+    for own, name in again.items():
+        if _same(columns[own], columns[name]):
+            del columns[own]
+            notes.append(f"two columns are called {name!r} and hold the same: one is read")
+        else:
+            notes.append(f"two columns are called {name!r}: the later one is {own!r} here")
+    return notes
+
+
+def _same(cells: Sequence[str] | np.ndarray, others: Sequence[str] | np.ndarray) -> bool:
+    if isinstance(cells, np.ndarray) and isinstance(others, np.ndarray):
+        return np.array_equal(cells, others, equal_nan=True)
+    return list(cells) == list(others)

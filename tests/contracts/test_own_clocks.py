@@ -25,6 +25,7 @@ RATES = {"shift": (0.02, 0.0031), "slow input": (0.06, 0.0031), "fast input": (0
 NAMES = [
     *("t_u,u,t_y,y", "time_u [s],u,time_y [s],y", "u_time,u_value,y_time,y_value", "t1,u,t2,y", "t_in,u,t_out,y"),
     *("time,voltage,time_2,angle", "stamp_cmd,cmd,stamp_pos,pos", "CmdTime,CmdVolt,JointTime,JointAngle"),
+    *("Time,u,Time,y", "Time (s),u,Time (s),y", "t,cmd,t,pos"),
 ]
 
 
