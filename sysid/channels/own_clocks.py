@@ -2,8 +2,8 @@
 
 One rule for every format. A signal has the clock whose name shares the signal's (`t_u`, `u`; `input.t`, `input.v`), or
 its role (`t_in`, `u`), else the only one of its length, else the one before it where clock and signals follow each
-other throughout (`X, Y, X2, Y2`), or behind it where the signals come first. Only clocks that overlap are compared; `clock` of a channel in a mapping says it
-instead.
+other throughout (`X, Y, X2, Y2`), or behind it where the signals come first. Only clocks that overlap are compared;
+`clock` of a channel in a mapping says it instead.
 """
 
 import re
