@@ -11,6 +11,7 @@ from sysid.channels.column import column_of, label, numbers, parse_header, unit_
 from sysid.channels.complaints import brief
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
 from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock
+from sysid.data.hexadecimal import with_words
 from sysid.data.table import Table
 from sysid.data.words import with_sign
 
@@ -152,6 +153,22 @@ def _channel_with_unit(table: Table, role: str, channel: Channel) -> tuple[Chann
         return channel, f"column {name!r} has the unit {unit!r}: its numbers stay as they are"
     note = f"column {name!r} is read in {unit}, as its header says: it becomes {conversion.unit or 'a plain number'}"
     return channel.model_copy(update={"unit": unit}), note if conversion.unit != unit else ""
+
+
+def with_hexadecimal(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]]:
+    """The table with numbers for the channels of `base` 16, and a note on channels whose words may be so too."""
+    names = [channel.column for _, channel, _ in mapping.channels() if channel.base == 16]
+    if not names or table.hexadecimal.issuperset(names):
+        return table, ()
+    others = {c.column: column_of(table, c.column) for _, c, _ in mapping.channels() if c.column not in names}
+    doubtful = [brief(name) for name, c in others.items() if c.integer and float(c.finite.min()) >= 0]
+    table = with_words(table, names)
+    if not doubtful:
+        return table, ()
+    return table, (
+        f"{', '.join(map(repr, doubtful))} stands beside hexadecimal words, but has digits alone and is read as a "
+        "decimal number; set base = 16 there too if it is a hexadecimal word",
+    )
 
 
 def channel_values(table: Table, channel: Channel, entry: str, fill: bool) -> tuple[np.ndarray, Conversion]:

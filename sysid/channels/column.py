@@ -10,7 +10,16 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.channels.complaints import brief, closest
 from sysid.channels.conversion import ANYWHERE, COUNTS, convert, is_time
-from sysid.data.table import LARGEST, SWITCH_WORDS, Table, Texts, explain_non_number, is_like_a_number, is_number
+from sysid.data.table import (
+    LARGEST,
+    SWITCH_WORDS,
+    Table,
+    Texts,
+    explain_non_number,
+    is_hexadecimal,
+    is_like_a_number,
+    is_number,
+)
 from sysid.formats import unit_in
 
 # Limits chosen by hand; the logs of tests/corpus hold them.
@@ -269,7 +278,7 @@ def misspelt_number(table: Table, numeric: Container[str], single: str = "") -> 
         if name in numeric or (single and name != single) or not len(cells) or not isinstance(cells[0], str):
             continue
         for k in map(int, np.flatnonzero(np.isnan(soft_numbers(table, name)))[:FEW]):
-            if is_like_a_number(cells[k]):
+            if is_like_a_number(cells[k]) or (single and is_hexadecimal(cells[k])):
                 sentence = explain_non_number(cells[k], name, table.decimal)
                 return f"{table.place} {table.rows[j][k]}, column {name!r}: {sentence}"
     return ""

@@ -49,6 +49,7 @@ from sysid.channels.roles import (
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
+from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
 from sysid.data.words import Word, with_sign, word_of
 from sysid.formats import read_table
@@ -158,7 +159,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     for role, first in roles.items():
         channels[role] = [] if first is not None else [Channel(column="")]
         if first is None:
-            remarks[f"{role}.column"] = f"CHOOSE one of {', '.join(signals)}"
+            words = [f"{name} (base = 16)" for name in columns_of_words(table) if name not in columns]
+            remarks[f"{role}.column"] = f"CHOOSE one of {', '.join([*signals, *words])}"
         for column in (first, *(columns[name] for name in further.get(role, ()))):
             if column is not None:
                 channels[role].append(_guess_channel(role, column, why, remarks))

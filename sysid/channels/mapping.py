@@ -124,6 +124,7 @@ class Channel(_Part):
         default=None,
         description="counts to values by two points, before scale; bits = 10 stands for counts = [0, 1023]",
     )
+    base: Literal[10, 16] = Field(default=10, description="of the digits: 16 for hexadecimal words such as 1A2B")
     signed: Bits = Field(
         default=0, description="bits of a two's complement word that was logged without its sign; 0: none"
     )

@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
-from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units
+from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units, with_hexadecimal
 from sysid.channels.column import numbers
 from sysid.channels.experiments import alone, cut, join, note_on_falls, pieces_of
 from sysid.channels.fresh import with_fresh_rows
@@ -122,12 +122,13 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
         other = (*mapping.other, Channel(column=drive, unit="1", name=drive))
         mapping = mapping.model_copy(update={"other": other})
     check_mapping(table, mapping)
+    table, words = with_hexadecimal(table, mapping)
     table, mapping, clock_notes = with_clocks(table, mapping)
     table, mapping, held = with_fresh_rows(table, mapping)
     table, rate_notes = at_output(table, mapping)
     mapping, unit_notes = with_header_units(table, mapping)
     dates = table.dates.get(mapping.clock.column)
-    notes = (*notes, *clock_notes, *held, *rate_notes, *unit_notes, *([dates] if dates else []))
+    notes = (*notes, *words, *clock_notes, *held, *rate_notes, *unit_notes, *([dates] if dates else []))
     pieces = pieces_of(table, mapping)
     if len(pieces) > 1 or mapping.range.part is not None:
         notes = (*notes, *note_on_falls(table, mapping))

@@ -21,6 +21,7 @@ FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 UNITS = "[mkuµμ]?V|[muµμ]?A|°|º|deg|Grad|m?rad|%|[mnuµμ]?s|sec|rpm|1/min|[mc]?Nm?|[cmk]?m|Hz|kHz|counts?|ticks?"
 WITH_UNIT = re.compile(rf"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*({UNITS})")
 NUMBER_LETTERS = re.compile(r"[+-]?[.,]?\d[\d.,]{0,40}")
+HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+|(?=.*\d)[0-9a-fA-F]{2,16}[hH]?|[0-9A-F]{2,16}[hH]?")
 # In small letters:
 SPREADSHEET_ERRORS = ("#n/a", "#div/0!", "#value!", "#ref!", "#name?", "#num!", "#null!")
 SWITCH_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -42,6 +43,12 @@ def explain_non_number(cell: str, column: str, decimal: str = ".") -> str:
         return f"{words}, an error of a spreadsheet; empty the cell, which is then a missing value"
     if len(text) <= LONGEST_CELL and (unit := WITH_UNIT.fullmatch(text)):
         return f"{words}, a number with its unit; write numbers alone: {unit[1]!r} belongs into the header"
+    if is_hexadecimal(text):
+        also = f"; if it is Fortran's, write {text.upper().replace('D', 'e')}" if FORTRAN.fullmatch(text) else ""
+        return (
+            f"{words}, which seems to be a hexadecimal word: set base = 16 for its channel in a mapping (qpal info "
+            f"FILE --write-map MAP.toml writes one){also}"
+        )
     correction = _correct_spelling(text, decimal) if is_number_otherwise_spelled(text) else ""
     return f"{words}, which is not a number; correct the cell{correction}"
 
@@ -58,13 +65,20 @@ def _correct_spelling(text: str, decimal: str) -> str:
 
 def is_like_a_number(text: str) -> bool:
     """Whether a text that is no number was meant as one: it is spelled as one, or has the letters of one."""
-    return is_number_otherwise_spelled(text) or NUMBER_LETTERS.fullmatch(text.strip()) is not None
+    text = text.strip()
+    letters = NUMBER_LETTERS.fullmatch(text) is not None
+    return letters or is_number_otherwise_spelled(text) or (text[:2] in ("0x", "0X") and is_hexadecimal(text))
 
 
 def is_number_otherwise_spelled(text: str) -> bool:
     """Whether a text that is no number stands for one beyond doubt: with thousands marks, a unit, or as in Fortran."""
     text = text.strip()
     return len(text) <= LONGEST_CELL and any(form.fullmatch(text) for form in (FORTRAN, THOUSANDS, WITH_UNIT))
+
+
+def is_hexadecimal(text: str) -> bool:
+    """Whether a text that is no number may be a word in hexadecimal, as no word of a language is."""
+    return HEXADECIMAL.fullmatch(text.strip()) is not None
 
 
 class Texts(Sequence[str]):
@@ -134,7 +148,7 @@ class Table:
     they are in seconds whatever their names say. `local` are columns of dates and times of day without an offset from
     UTC, with the seconds since 1970 at which they are 0, nan for a time of day. `clocks` names the column of the time
     stamps of each column, where these have clocks of their own, which count from one origin. `joined` are the clocks
-    that were made of two columns, with their names.
+    that were made of two columns, with their names. `hexadecimal` are the columns whose words became numbers.
     """
 
     path: Path
@@ -153,6 +167,7 @@ class Table:
     local: Mapping[str, float] = field(default_factory=dict)
     clocks: Mapping[str, str] = field(default_factory=dict)
     joined: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    hexadecimal: frozenset[str] = frozenset()
 
     def length(self, name: str) -> int:
         """Number of cells of a column."""

@@ -15,6 +15,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.files import atomic_file, check_regular_file
+from sysid.data.hexadecimal import with_prefixed_words
 from sysid.data.table import Table
 from sysid.formats import _sandbox
 from sysid.formats._clock_parts import with_joined_clocks
@@ -69,6 +70,7 @@ def read_table(path: str | os.PathLike[str]) -> Table:
             raise InputError(f"{path} is empty; give a file with at least one column of input and one of output")
         table, header = _read(path, RobotLog if bag else TABLE[path.suffix.lower()])
         table = replace(table, meta={**_meta(header), **table.meta})
+        table = with_prefixed_words(table)
         table = stacked(with_days(table, read_dates(table)))
         return with_joined_clocks(pivoted(table))
     except OSError as error:
