@@ -174,7 +174,7 @@ def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> S
     notes = (*notes, *name_notes, *table.notes, *words)
     notes = (*notes, *_loose_stamps(timing))
     record = resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
-    return replace(record, notes=(*record.notes, *record.drive_notes()))
+    return replace(record, notes=(*record.notes, *record.switch_notes(), *record.drive_notes()))
 
 
 def _sample_pieces(table: Table, mapping: ChannelMap, pieces: list[tuple[int, int]], notes: tuple[str, ...]) -> Signals:

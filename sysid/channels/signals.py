@@ -147,6 +147,21 @@ class Signals:
         stretches = "1 stretch" if len(kept) == 1 else f"{len(kept)} stretches"
         return (f"the drive is on in {stretches}{short}: {left} of {self.N} samples are left out",)
 
+    def switch_notes(self) -> tuple[str, ...]:
+        """Where a held input, one that mostly keeps its value, is another behind a lost sample than before it."""
+        notes = []
+        for signal in self.input:
+            x = signal.values
+            gaps = [(a, b) for a, b in runs(signal.missing) if a > 0 and b < len(x)]
+            changed = [a for a, b in gaps if x[b] != x[a - 1]]
+            if changed and not np.median(np.abs(np.diff(x))):
+                notes.append(
+                    f"in {len(changed)} of {len(gaps)} gaps, the first at {changed[0] * self.Ts:g} s, {signal.name!r} "
+                    "switched: when is not known, and it is held to the end of the gap, where it may have switched "
+                    "before; --missing split makes an experiment of each stretch between gaps"
+                )
+        return tuple(notes)
+
     def as_dict(self) -> dict[str, Any]:
         """File, mapping, units, notes and counts for a summary."""
         return {

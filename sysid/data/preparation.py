@@ -6,10 +6,11 @@ import numpy as np
 
 from sysid.base.errors import InputError, unknown
 from sysid.data import filters, preprocess, resampling
-from sysid.data.missing import fill
+from sysid.data.missing import fill, runs
 from sysid.data.record import IOData
 
-MISSING = ("mark", "fill", "refuse")
+MISSING = ("mark", "fill", "split", "refuse")
+STRETCH = 20  # samples: a shorter stretch says little beyond its initial state
 Band = tuple[float | None, float | None]
 
 
@@ -19,9 +20,10 @@ class Preparation:
 
     `start` and `stop` [s] are kept, both included, after the first sample of each experiment (None: all). `missing`
     says what becomes of outputs that are marked as missing: 'mark' leaves them to the fit, which ignores them, 'fill'
-    puts straight lines into gaps of up to three samples, 'refuse' raises an InputError. `resample` is the new Ts [s].
-    `filter` is the band (low, high) [Hz] that is kept; with one of them None the filter is a low-pass or a high-pass.
-    `detrend` is one of `sysid.data.preprocess.DETREND`; None leaves the choice to the fit.
+    puts straight lines into gaps of up to three samples, 'split' makes an experiment of each stretch of 20 samples or
+    more without any, for gaps in which the input is not known either, 'refuse' raises an InputError. `resample` is the
+    new Ts [s]. `filter` is the band (low, high) [Hz] that is kept; with one of them None the filter is a low-pass or a
+    high-pass. `detrend` is one of `sysid.data.preprocess.DETREND`; None leaves the choice to the fit.
 
     Raises InputError for values that make no sense together.
     """
@@ -56,6 +58,12 @@ class Preparation:
         if self.start is not None or self.stop is not None:
             count, data = data.N, between(data, self.start, self.stop)
             sentences.append(f"kept {data.N} of {count} samples, {_text(self.start)} to {_text(self.stop)} s")
+        if data.missing is not None and self.missing == "split":
+            count, data = data.N, missing(data, self.missing)
+            sentences.append(
+                f"{len(data.experiments)} experiments, the stretches of {STRETCH} samples or more without a missing "
+                f"one: {data.N} of {count} samples"
+            )
         if data.missing is not None:
             missing_count, data = int(data.missing.sum()), missing(data, self.missing)
             remaining = 0 if data.missing is None else int(data.missing.sum())
@@ -147,11 +155,26 @@ def missing(data: IOData, policy: str = "mark") -> IOData:
             f"{int(data.missing.sum())} outputs are missing, the first at sample {first} (from 0); "
             "mark leaves them to the fit, which ignores them, and fill puts straight lines into short gaps"
         )
+    if policy == "split":
+        return _stretches(data)
     open_marks = []
     for e in data.experiments:
         mask = np.zeros(e.y.shape, dtype=bool) if e.missing is None else e.missing
         open_marks.append(np.column_stack([fill(y, missing=m).open for y, m in zip(e.y.T, mask.T, strict=True)]))
     return replace(data, missing=np.concatenate(open_marks))
+
+
+def _stretches(data: IOData) -> IOData:
+    """The stretches without a missing output as experiments; raises InputError where all are too short."""
+    parts: list[IOData] = []
+    for e in data.experiments:
+        complete = np.ones(e.N, dtype=bool) if e.missing is None else ~e.missing.any(axis=1)
+        parts += [e.select(a, b) for a, b in runs(complete) if b - a >= STRETCH]
+    if not parts:
+        raise InputError(
+            f"no stretch of {STRETCH} samples is without a missing one; mark leaves them to the fit, which ignores them"
+        )
+    return replace(IOData.merge(*parts), missing=None)
 
 
 def _text(value: float | None) -> str:
