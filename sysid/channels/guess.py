@@ -35,6 +35,7 @@ from sysid.channels.experiments import doubt_of_starts, rows_text, starts_of_clo
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
+from sysid.channels.restarts import shortened
 from sysid.channels.roles import (
     DIRECTION,
     STRONG,
@@ -269,6 +270,14 @@ def _notes_on_unused_clock(table: Table, clock: Clock | None, columns: Columns, 
             f"the rows are taken as uniform, as the sampling time is given; column {column.name!r} has {len(jumps)} "
             f"other step(s), the first of {steps[jumps[0]] * factor:.6g} s: leave the sampling time out, or set "
             "it beside the column in [clock] of a mapping, to have them looked after"
+        )
+    if len(early := shortened(steps, column.step)):
+        row = table.rows[table.names.index(column.name)][int(early[0]) + 1]
+        notes.append(
+            f"column {column.name!r} has {len(early)} shorter step(s), the first of {steps[early[0]] * factor:.6g} s "
+            f"to {table.place} {row}, and no longer one makes up for it, as where a run ends and another begins; the "
+            "rows are taken as one experiment: where they are several, number them in a column, and name it as "
+            "experiment of [range] in a mapping"
         )
     return notes
 

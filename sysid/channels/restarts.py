@@ -11,6 +11,7 @@ SHORTEST = 10  # rows: a shorter stretch is no experiment to fit, and more is as
 FEWEST = 3  # rows of a stretch: fewer are a fault of single stamps
 GOES_ON = 3.0  # usual steps: what follows a restart steps by no more, where a single bad stamp jumps back
 EVENLY = 1.5  # usual steps: the same in a stretch of few rows
+WANDERS = 10.0  # middle departures: further off, a clock does not wander, it was set
 AGAIN = 0.1  # of the rows of a stretch: how near its first stamp the clock starts again
 
 
@@ -72,6 +73,21 @@ def pauses(stamps: np.ndarray, longest: int, every: bool = False) -> np.ndarray:
     k = np.searchsorted(borders, long + 1)
     apart = (steps[long] > np.maximum(spans[k - 1], spans[k])) & enough[k - 1] & enough[k]
     return places[long[apart | every] + 1]
+
+
+def shortened(steps: np.ndarray, step: float) -> np.ndarray:
+    """Places (m,) of steps (n,) that are shorter than the usual `step`, where the clock stays ahead.
+
+    A stamp that came late or early is made up for by the next ones, and a lost sample takes whole steps. Over as many
+    steps as an experiment has at least, the clock is therefore ahead by more than it wanders otherwise.
+    """
+    if len(steps) < SHORTEST or step <= 0:
+        return np.zeros(0, dtype=int)
+    ahead = np.convolve(step - steps, np.ones(SHORTEST + 1), "same")
+    usual = float(np.median(ahead))
+    limit = max(AGAIN * step, WANDERS * float(np.median(np.abs(ahead - usual))))
+    (places,) = np.nonzero((ahead - usual > limit) & (step - steps > 0.5 * (ahead - usual)))
+    return places
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from sysid.formats import EXPERIMENT_WORDS, RUN_WORDS
 
 _NUMBER = words("index idx id nr no num number count")
 _FILE = words("file filename")  # the files that a table was put together from
+_RIG = words("id motor servo joint axis actuator board unit device node address addr channel")  # that take turns
 _WORDS = EXPERIMENT_WORDS | RUN_WORDS | _FILE
 NEAR = 0.5  # of the usual step: clocks that are not within it are not even
 UNEVEN = 0.6  # of the steps at most are near the usual one where two clocks or more stand among each other
@@ -61,19 +62,21 @@ def in_blocks(table: Table, column: str = "", used: Collection[str | None] = ())
     apart and a note; others as they are.
 
     Two rigs that write one log take turns, so that their numbers stay for fewer rows than an experiment has; `column`
-    is that of the mapping, "" for one whose name says so, or of which each value has an even clock of its own; it is
-    none of those that are `used` already.
+    is that of the mapping, "" for one whose name says so, or of which each value has an even clock of its own where all
+    rows have none, or its name is that of a motor or another part; it is none of those that are `used` already.
     """
-    clocks = [] if column else _uneven_clocks(table)
+    clocks = [] if column else _clocks(table)
+    uneven = [t for t in clocks if _evenness(np.diff(t)) <= UNEVEN]
     for name in [column] if column else table.names:
-        named = _may_number(parse_header(name).words)
-        if name not in table.names or name in used or not (named or column or clocks):
+        header = parse_header(name).words
+        named, likely = _may_number(header), clocks if _is_rig(header) else uneven
+        if name not in table.names or name in used or not (named or column or likely):
             continue
         numbered = labels(table, name) or column_of(table, name)
         if not _takes_turns(numbered):
             continue
         x = numbered.values
-        if not named and (_counts_rows(x) or not (column or _has_clocks(numbered, clocks))):
+        if not named and (_counts_rows(x) or not (column or _has_clocks(numbered, likely))):
             continue
         if len({len(cells) for cells in table.columns}) > 1:
             continue
@@ -100,12 +103,14 @@ def _counts_rows(x: np.ndarray) -> bool:
     return bool(np.median(steps) > 0 and len(x) >= SHORTEST * (np.count_nonzero(steps < 0) + 1))
 
 
-def _uneven_clocks(table: Table) -> list[np.ndarray]:
-    """The stamps (n,) of the clocks that do not go on evenly from row to row."""
+def _clocks(table: Table) -> list[np.ndarray]:
+    """The stamps (n,) of the clocks; the number of the row where there is none."""
     parts = {part for pair in table.joined.values() for part in pair}
     names = [name for name in table.names if name not in parts and is_named_clock(parse_header(name))]
     clocks = [soft_numbers(table, name) for name in names]
-    return [t for t in clocks if len(t) and np.isfinite(t).all() and _evenness(np.diff(t)) <= UNEVEN]
+    return [t for t in clocks if len(t) and np.isfinite(t).all()] or [
+        np.arange(max(map(len, table.columns), default=0))
+    ]
 
 
 def _has_clocks(column: Column, clocks: Sequence[np.ndarray]) -> bool:
@@ -126,6 +131,11 @@ def _evenness(steps: np.ndarray) -> float:
 def _may_number(header: frozenset[str]) -> bool:
     """Whether the words of a name say that the column numbers or names experiments."""
     return bool(header & _WORDS) and header <= _WORDS | _NUMBER | {"source", "name"}
+
+
+def _is_rig(header: frozenset[str]) -> bool:
+    """Whether the words of a name are those of a part that may take turns with others like it."""
+    return bool(header & _RIG) and header <= _RIG | _NUMBER
 
 
 def labels_of(table: Table) -> dict[str, Column]:

@@ -131,7 +131,7 @@ def test_options_name_the_steps_and_nothing_else():
 @pytest.mark.parametrize(
     ("values", "found"),
     [
-        ({"missing": "guess"}, "mark, fill, refuse"),
+        ({"missing": "guess"}, "mark, fill, split, refuse"),
         ({"detrend": "cubic"}, "mean, linear, steady, none"),
         ({"filter": (3.0, 1.0)}, "the filter goes from 3 to 1"),
         ({"start": 3.0, "stop": 1.0}, "the range goes from 3 to 1"),
