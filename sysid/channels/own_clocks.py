@@ -137,7 +137,7 @@ def _clock_of(name: str, clocks: Columns, signals: Columns, lengths: Mapping[str
     order, reason = [each for each in lengths if each in clocks or each in signals], BEFORE
     if order[0] in signals:
         order, reason = order[::-1], BEHIND
-    if order[-1] in clocks or any(a in clocks and b in clocks for a, b in pairwise(order)):
+    if order[0] in signals or order[-1] in clocks or any(a in clocks and b in clocks for a, b in pairwise(order)):
         return None
     nearest = [each for each in order[: order.index(name)] if each in clocks][-1]
     return (nearest, reason) if nearest in fitting else None

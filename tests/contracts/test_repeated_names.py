@@ -61,3 +61,11 @@ def test_two_signals_of_one_name_are_asked_for_by_names_that_work(tmp_path):
 def test_a_number_is_given_that_no_other_column_has(tmp_path):
     names = read_table(write(tmp_path / "log.csv", "t,u 2,u,u,u,[a],[a]", T, T, U, T, T * 2, T * 3, T * 4)).names
     assert names == ("t", "u 2", "u", "u 3", "u 4", "[a]", "[a] 2")
+
+
+def test_a_signal_at_either_end_leaves_the_pairs_open(tmp_path):
+    y = response(T, CHANGES, LEVELS)
+    path = write(tmp_path / "log.csv", "u,Time,Time,y", U, T, T + SHIFT, y)
+    assert any("Time 2" in note for note in read_signals(path).notes)
+    path = write(tmp_path / "odd.csv", "u,Time,y,Time,w", U, T, y, T + SHIFT, np.cos(T))
+    assert read_signals(path).mapping.clock.column == "Time"
