@@ -4,6 +4,8 @@ Rigol has names, then `Sequence,Volt,...` with start and increment; Siglent and 
 names; older Tektronix have the settings in the first three columns; Keysight has names, then `second,Volt`; LeCroy has
 `Segments,1,SegmentSize,502`, then `Time,Ampl`, a time [s] and a number without a unit. Yokogawa has no times: those are
 HResolution (n - 1) + HOffset for the nth row (user's manual IM DLM3054-01EN, appendix 3, ASCII data file format).
+Infiniium of Keysight has settings with an entry for each source, then `Data`, then values alone, or times beside them
+(Infiniium 90000 Series Programmer's Reference, CSV and TSV header format).
 """
 
 from collections.abc import Sequence
@@ -80,7 +82,7 @@ class Preamble:
 def preamble_of(rows: Sequence[Sequence[str]]) -> Preamble | None:
     """The preamble in the first rows of a table by their cells; None of another table."""
     cells = [_stripped(row) for row in rows]
-    return _beside(cells) or _counted(cells) or _timeless(cells) or _above(cells)
+    return _beside(cells) or _counted(cells) or _timeless(cells) or _infiniium(cells) or _above(cells)
 
 
 def _counted(rows: list[list[str]]) -> Preamble | None:
@@ -116,6 +118,31 @@ def _timeless(rows: list[list[str]]) -> Preamble | None:
     names = (*(f"setting {k}" for k in range(1, side + 1)), *traces)
     text = f"{len(traces)} trace(s), a sample every {increment:g} {units['time']}"
     return Preamble(names, units, len(names), first, start, increment, side, text, True)
+
+
+def _infiniium(rows: list[list[str]]) -> Preamble | None:
+    """Infiniium: lines Revision, XInc, XOrg, YUnits and others of n entries, then rows of n values, or of times too."""
+    settings = {row[0].lower().rstrip(":"): [cell for cell in row[1:] if cell] for row in rows if not is_number(row[0])}
+    first = next((k for k, row in enumerate(rows) if row != [""] and all(map(is_number, row))), None)
+    if first is None or not {"revision", "xinc", "xorg"} <= set(settings):
+        return None
+    steps, starts, n = settings["xinc"], settings["xorg"], len(settings["xinc"])
+    width = len(rows[first])
+    if not n or len(starts) != n or not all(map(is_number, (*steps, *starts))) or width not in (n, n + 1, 2 * n):
+        return None
+    if len({*map(float, steps)}) > 1 or (width == n and len({*map(float, starts)}) > 1):
+        return None
+    names = [f"CH{k}" for k in range(1, n + 1)]
+    horizontal = _unit((settings.get("xunits") or ["s"])[0])
+    units = {name: _unit(unit) for name, unit in zip(names, settings.get("yunits", []), strict=False)}
+    times = ["time", *(f"time {k}" for k in range(2, n + 1))]
+    units |= dict.fromkeys(times, horizontal)
+    increment = float(steps[0])
+    text = f"{n} source(s), a sample every {increment:g} {horizontal}"
+    if width == n:
+        return Preamble(tuple(names), units, width, first, float(starts[0]), increment, text=text, timeless=True)
+    pairs = [name for pair in zip(times, names, strict=True) for name in pair]
+    return Preamble(tuple(pairs if width == 2 * n else ["time", *names]), units, width, first, text=text)
 
 
 def _only_numbers(row: list[str]) -> bool:

@@ -1,4 +1,4 @@
-"""Exports of oscilloscopes in the layouts of six makers: the plant comes back from each, with its units."""
+"""Exports of oscilloscopes in the layouts of seven makers: the plant comes back from each, with its units."""
 
 import numpy as np
 import pytest
@@ -28,11 +28,22 @@ YOKOGAWA += [
     '"DisplayBlockSize","600","600"',
 ]
 YOKOGAWA += ['"DisplayPointNo.","1","1"', '"Date","2022/03/23","2022/03/23"', '"Time","02:21:36.0","02:21:36.0"']
+INFINIIUM = ["Revision:,0", "Type:,raw,raw", "Start:,0,0", "Points:,600,600", "Count:,1,1", "XDispRange:,12.0,12.0"]
+INFINIIUM += ["XDispOrg:,-2.4,-2.4", f"XInc:,{TS:.15e},{TS:.15e}", "XOrg:,-2.4,-2.4", "XUnits:,Second,Second"]
+INFINIIUM += ["YDispRange:,8,8", "YDispOrg:,0,0", "YInc:,1e-9,1e-9", "YOrg:,0,0", "YUnits:,Volt,Volt"]
+INFINIIUM += ["Frame:,DSO90404A:MY0", "Date:,27 DEC 1996", "Time:,01:00:00:00", "Max bandwidth:,4e9,4e9", "Data:"]
 TRACES = [f"{u:.6e},{y:.12e}" for u, y in zip(U, Y, strict=True)]
 LAYOUTS = {
     "Tektronix MSO": [*MSO, *ROWS],
     "LeCroy": [*LECROY, *ROWS],
     "Yokogawa": [*YOKOGAWA, *TRACES],
+    "Infiniium": [*INFINIIUM, *TRACES],
+    "Infiniium, one time": [*INFINIIUM, *ROWS],
+    "Infiniium, no colons": [*(line.replace(":", "") for line in INFINIIUM[:-2]), "Data", *TRACES],
+    "Infiniium, times": [
+        *INFINIIUM,
+        *(f"{r.split(',')[0]},{r.split(',')[1]},{r.split(',')[0]},{r.split(',')[2]}" for r in ROWS),
+    ],
     "Yokogawa, values behind the settings": [*YOKOGAWA, "", *(f",{row}" for row in TRACES)],
     "Rigol": ["X,CH1,CH2,Start,Increment,", f"Sequence,Volt,Volt,-2.400000e+00,{TS:.6e}"]
     + [f"{k},{u:.6e},{y:.12e},," for k, (u, y) in enumerate(zip(U, Y, strict=True))],
@@ -50,8 +61,10 @@ def test_the_plant_comes_back(name, tmp_path):
     path.write_text("\n".join(LAYOUTS[name]) + "\n")
     table = read_table(path)
     u, y = {"Keysight": ("1", "2"), "LeCroy": ("Ampl1", "Ampl2")}.get(name.split(",")[0], ("CH1", "CH2"))
-    assert table.names == ("time", u, y)
-    assert dict(table.units) == ({"time": "s"} if name == "LeCroy" else {"time": "s", u: "V", y: "V"})
+    times = ("time", u, "time 2", y) if name == "Infiniium, times" else ("time", u, y)
+    assert table.names == times
+    units = {"time": "s"} if name == "LeCroy" else {"time": "s", u: "V", y: "V"}
+    assert dict(table.units) == (units | {"time 2": "s"} if "time 2" in times else units)
     assert table.numbers("time")[:2] == pytest.approx([-2.4, -2.38])
     record = read_record(path, u, y)
     assert (record.data.N, round(record.data.Ts, 9)) == (600, TS)
