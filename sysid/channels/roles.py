@@ -271,6 +271,8 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         return [f"{inventory}{clock}{frozen_note}, and no column that moves is left for the {left_open}; {remedy}"]
     option = "--input or --output" if len(missing) == 2 else f"--{missing[0]}"
     other = f"; if {clocks[0]} is no time, name it with {option}" if len(clocks) == 1 else ""
+    if clocks and len(missing) == 1 and len(signals) == 1:
+        other = f", or all files where each holds one signal of a record (qpal identify FILE1 FILE2){other}"
     return [
         f"{inventory}{clock}{omissions}: no column is left for the {left_open}; give a log that has an input and an "
         f"output, recorded together{other}"

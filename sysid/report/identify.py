@@ -33,7 +33,7 @@ def page(result: Identification, exports: Exports) -> Page:
     """The report on a fit to a record; `exports` lists the model files."""
     record, e = result.record, result.evaluation
     return Page(
-        title=f"Identification of {' and '.join(Path(path).name for path in record.files or (record.path,))}",
+        title=f"Identification of {' and '.join(Path(path).name for path in record.paths)}",
         subtitle=(
             f"{_column(record.input)} to {_column(record.output)}, {record.data.N} samples, Ts {record.data.Ts:g} s"
         ),
@@ -78,7 +78,7 @@ def _notes(e: Evaluation) -> list[str]:
 
 def _with_commands(text: str, record: Record) -> str:
     """The text with this record's file, and the options that read it, in the commands that it names."""
-    files = [str(file) for file in record.files or (record.path,)]
+    files = [str(file) for file in record.paths]
 
     def with_files(found: re.Match) -> str:
         own = files[:1] if found[1].startswith("qpal design") else files  # of one log

@@ -7,9 +7,11 @@ from pathlib import Path
 
 from sysid.base.errors import InputError, unknown
 from sysid.channels.mapping import Range
+from sysid.channels.one_record import one_table
 from sysid.channels.reading import Mapping
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
+from sysid.data.table import Table
 from sysid.data.trends import with_offsets
 from sysid.diagnosis.advice import advise
 from sysid.model.recipes import Several
@@ -86,11 +88,11 @@ def identify_file(
     _check_plan(setting, preparation, detrend, split, bool(validation))
     paths = (path,) if isinstance(path, str | os.PathLike) else tuple(path)
 
-    def read(path: str | os.PathLike[str]) -> Record:
+    def read(path: str | os.PathLike[str] | Table) -> Record:
         return read_record(path, input, output, Ts, time, mapping, range, time_unit, preparation.missing)
 
     _check_once(paths, validation)
-    records, validation_records = [read(p) for p in paths], [read(p) for p in validation]
+    records, validation_records = _records(paths, read), _records(validation, read)
     check_channels(setting, records[0])
     name = records[0].path
     try:
@@ -141,7 +143,7 @@ def identify_file(
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
     evaluation = named_channels(without_validation(evaluation) if plan.whole else evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
-    first, *further_files = map(str, record.files or (record.path,))
+    first, *further_files = map(str, record.paths)
     structure_and_fit = evaluation.setting.recipe, evaluation.judged_fit
     advice = tuple(
         a.of_file(first, (*(() if a.command == ("design",) else further_files), *record.options))
@@ -149,6 +151,14 @@ def identify_file(
     )
     result = Identification(record, plan, evaluation, advice, selection)
     return replace(result, next=next_step(result))
+
+
+def _records(paths: Sequence[str | os.PathLike[str]], read: Callable[..., Record]) -> list[Record]:
+    """The record of each file, or that of all where each holds one signal of it."""
+    table = one_table(paths)
+    if table is None:
+        return [read(path) for path in paths]
+    return [replace(read(table), beside=tuple(Path(path) for path in paths[1:]))]
 
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:

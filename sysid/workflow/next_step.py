@@ -296,7 +296,7 @@ def command(
     auto = result.selection is not None and structure is None
     name = "auto" if auto else structure or s.recipe.name
     held = s.held.without_start() if anew or changed or structure is not None else s.held
-    plan, files = result.plan, record.files or (record.path,)
+    plan, files = result.plan, record.paths
     words = ["qpal", "identify", *map(str, files), *record.options, *_preparation_options(plan), "--structure", name]
     if structure is None and not auto:
         words += [*_options(replace(s.recipe, **changed)), *held.options()]
@@ -324,7 +324,7 @@ def _preparation_options(plan: Plan) -> list[str]:
     """The options of what came before the fit, but the share and the offsets."""
     words = list(replace(plan.preparation, detrend=None).options())
     validation = plan.validation
-    for path in () if validation is None else validation.files or (validation.path,):
+    for path in () if validation is None else validation.paths:
         words += ["--validation", str(path)]
     return words
 

@@ -18,6 +18,7 @@ from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of, sample
 from sysid.channels.signals import Signals
 from sysid.data.record import IOData
+from sysid.data.table import Table
 from sysid.data.wraps import DEGREES, turn_of, unwrapped
 from sysid.formats import read_table
 
@@ -31,7 +32,8 @@ class Record:
 
     `signals` says how the file was read, `remarks` in sentences what was done after that. `options` are those of the
     command line that read it so again; none for what is detected. A record of several files has the signals of the
-    first, all names in `files`, and one experiment for each of them. Several columns are one text, "a,b".
+    first, all names in `files`, and one experiment for each of them; `beside` are files that hold its other signals.
+    Several columns are one text, "a,b".
     `header` is what the file says of itself besides its columns.
     """
 
@@ -45,6 +47,12 @@ class Record:
     remarks: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
     header: _Mapping[str, Any] = field(default_factory=dict)
+    beside: tuple[Path, ...] = ()
+
+    @property
+    def paths(self) -> tuple[Path, ...]:
+        """Every file of the record, in the order in which the command line takes them."""
+        return (*(self.files or (self.path,)), *self.beside)
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -60,6 +68,8 @@ class Record:
         if len(self.files) > 1:
             lengths = zip(self.files, self.data.lengths, strict=True)
             lists["experiments"] = [{"file": str(path), "samples": n} for path, n in lengths]
+        if self.beside:
+            lists["files"] = [str(path) for path in self.paths]
         if self.data.u.shape[1] > 1 or self.data.y.shape[1] > 1:
             roles = (("input", self.signals.input), ("output", self.signals.output))
             lists["channels"] = [
@@ -83,7 +93,7 @@ class Record:
 
 
 def read_record(
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | Table,
     input: str | None = None,
     output: str | None = None,
     Ts: float | None = None,
@@ -94,7 +104,7 @@ def read_record(
     missing: str = "refuse",
     moving: bool = True,
 ) -> Record:
-    """The record in the file at `path`, from the named columns; "a,b" names two of them.
+    """The record in the file at `path`, or in its table, from the named columns; "a,b" names two of them.
 
     Columns that are not named are found by name, unit and numbers where that is beyond doubt; a file of two columns is
     read as input, output. `mapping`, a ChannelMap or its file, says instead how the file is read. Ts [s] comes from
@@ -104,7 +114,7 @@ def read_record(
     unless `moving` is False, and time stamps that cannot be made uniform (`sysid.channels`).
     """
     check_given(Given(input, output, time, time_unit, Ts), mapping)
-    table = read_table(path)
+    table = path if isinstance(path, Table) else read_table(path)
     u, y = (columns(text, table.names) for text in (input, output))
     further_columns = {"input": u[1:], "output": y[1:]} if len(u) > 1 or len(y) > 1 else None
     given = Given(u[0] if u else None, y[0] if y else None, time, time_unit, Ts, further_columns)
