@@ -279,6 +279,6 @@ def misspelt_number(table: Table, numeric: Container[str], single: str = "") -> 
             continue
         for k in map(int, np.flatnonzero(np.isnan(soft_numbers(table, name)))[:FEW]):
             if is_like_a_number(cells[k]) or (single and is_hexadecimal(cells[k])):
-                sentence = explain_non_number(cells[k], name, table.decimal)
+                sentence = explain_non_number(cells[k], name, table.decimal, cells)
                 return f"{table.place} {table.rows[j][k]}, column {name!r}: {sentence}"
     return ""

@@ -20,22 +20,20 @@ from sysid.channels.clock import (
 from sysid.channels.clock_choice import ClockChoice, choose_clock, clock_of_column, uneven_time
 from sysid.channels.column import (
     Column,
-    label,
     misspelt_number,
     numbers,
     numeric_columns,
     parse_header,
     soft_numbers,
     switch_words,
-    unit_in_brackets,
 )
 from sysid.channels.complaints import brief, list_names
-from sysid.channels.conversion import COUNTS, convert, is_time, seconds
-from sysid.channels.experiments import doubt_of_starts, rows_text, starts_of_clock
+from sysid.channels.conversion import is_time
+from sysid.channels.experiments import starts_of_clock
+from sysid.channels.guessed_channel import guess_channel
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
-from sysid.channels.restarts import shortened
 from sysid.channels.roles import (
     DIRECTION,
     STRONG,
@@ -50,12 +48,11 @@ from sysid.channels.roles import (
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
+from sysid.channels.unused_clock import count_of_changes, notes_on_unused_clock, tell_starts
 from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
-from sysid.data.words import Word, with_sign, word_of
 from sysid.formats import read_table
 
-LOST = 1.75  # of the middle step of a clock: a longer one leaves samples out
 NO_CLOCK = (
     "no sampling time is given; give it with --ts SECONDS or name a time column with --time (no column is a clock)"
 )
@@ -164,7 +161,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
             remarks[f"{role}.column"] = f"CHOOSE one of {', '.join([*signals, *words])}"
         for column in (first, *(columns[name] for name in further.get(role, ()))):
             if column is not None:
-                channels[role].append(_guess_channel(role, column, why, remarks))
+                channels[role].append(guess_channel(role, column, why, remarks))
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
     why += note_on_direction(roles["input"], signals)
@@ -176,9 +173,9 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
     starts = {name: found for name in counters if name and len(found := starts_of_clock(table, name))}
     numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
-    if by_clock and not turns and len(starts[by_clock]) > _count_of_changes(experiments):
+    if by_clock and not turns and len(starts[by_clock]) > count_of_changes(experiments):
         numbered, experiments = by_clock, None
-        _tell_starts(table, by_clock, starts[by_clock], unclear, why)
+        tell_starts(table, by_clock, starts[by_clock], unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments and not rigs else []
@@ -235,7 +232,7 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
     if choice.clock is None and len(own) == 1 < len(set(table.clocks.values())):  # x of x, y has no telling name
         choice = clock_of_column(columns[own[0]])
     if given.Ts is not None:
-        notes = _notes_on_unused_clock(table, choice.clock, columns, given.Ts) if not choice.unclear else []
+        notes = notes_on_unused_clock(table, choice.clock, columns, given.Ts) if not choice.unclear else []
         unused = choice.clock.column if choice.clock is not None else uneven_time(columns, signals)
         return ClockChoice(Clock(Ts=given.Ts), notes, unused=unused)
     if choice.clock is None and Ts is not None:
@@ -251,49 +248,6 @@ def _guess_clock(table: Table, columns: Columns, given: Given) -> ClockChoice:
         choice.unclear.append(next(iter(table.undated.values()), "") or misspelt_number(table, columns) or NO_CLOCK)
         choice.remarks["clock.Ts"] = "NEEDED"
     return choice
-
-
-def _notes_on_unused_clock(table: Table, clock: Clock | None, columns: Columns, Ts: float) -> list[str]:
-    """A word about a clock that does not say what was given."""
-    if clock is None:
-        return []
-    column = columns[clock.column]
-    factor = seconds(clock.unit)
-    step, notes = column.step * factor, []
-    if abs(step - Ts) > 0.01 * Ts:
-        notes.append(f"the sampling time is {Ts:g} s as given; column {column.name!r} steps by {step:.6g} s")
-    steps = np.diff(column.values)
-    steps[starts_of_clock(table, column.name) - 1] = column.step  # which are experiments of their own
-    (jumps,) = np.nonzero((steps > LOST * column.step) | (steps < 0.0))
-    if column.step > 0.0 and len(jumps):
-        notes.append(
-            f"the rows are taken as uniform, as the sampling time is given; column {column.name!r} has {len(jumps)} "
-            f"other step(s), the first of {steps[jumps[0]] * factor:.6g} s: leave the sampling time out, or set "
-            "it beside the column in [clock] of a mapping, to have them looked after"
-        )
-    if len(early := shortened(steps, column.step)):
-        row = table.rows[table.names.index(column.name)][int(early[0]) + 1]
-        notes.append(
-            f"column {column.name!r} has {len(early)} shorter step(s), the first of {steps[early[0]] * factor:.6g} s "
-            f"to {table.place} {row}, and no longer one makes up for it, as where a run ends and another begins; the "
-            "rows are taken as one experiment: where they are several, number them in a column, and name it as "
-            "experiment of [range] in a mapping"
-        )
-    return notes
-
-
-def _count_of_changes(column: Column | None) -> int:
-    return 0 if column is None else int(np.count_nonzero(np.diff(column.values)))
-
-
-def _tell_starts(table: Table, column: str, starts: np.ndarray, unclear: list[str], why: list[str]) -> None:
-    """Says where a clock that is not used starts again: a sampling time that is given joins no two experiments."""
-    if doubt := doubt_of_starts(table, column, starts):
-        unclear.append(f"column {column!r}: {doubt}; with period, leave --ts out")
-    rows = rows_text(table, column, starts.tolist())
-    why.append(
-        f"column {column!r}, a clock that is not used, starts again or pauses at {rows}: experiments of their own"
-    )
 
 
 def _guess_signals(
@@ -324,38 +278,3 @@ def _guess_signals(
                     f"name another with --{role}",
                 )
     return roles
-
-
-def _guess_channel(role: str, column: Column, why: list[str], remarks: dict[str, str]) -> Channel:
-    """The channel of a column in the unit of its header, and what is to be said of that unit."""
-    unit, name, entry = column.header.mapped_unit, column.name, f"unit of [[{role}]] in a mapping"
-    conversion = convert(unit)
-    if unit == "":
-        text = unit_in_brackets(name)
-        statement = f"names {text!r}, which is no known unit" if text else "names no unit"
-        why.append(f"column {name!r} {statement}: its numbers stay as they are; set {entry} if you know it")
-        remarks[f"{role}.unit"] = "not known: set it"
-    elif unit == COUNTS:
-        why.append(f"column {name!r} holds counts: its numbers stay as they are; set adc or scale of [[{role}]]")
-    elif not conversion.known:
-        why.append(f"column {name!r} has the unknown unit {unit!r}: its numbers stay as they are")
-        remarks[f"{role}.unit"] = "not known: the numbers stay as they are"
-    elif conversion.unit != unit:
-        why.append(
-            f"column {name!r} goes from {unit} to {conversion.unit or 'a plain number'}: its header names {unit}"
-        )
-    word = word_of(column.values) or Word()
-    if word.evidence:
-        why.append(_word_text(role, column, word))
-    read = word if word.sure else Word()
-    return Channel(column=name, unit=unit, name=label(name, role, unit), signed=read.signed, sign_bit=read.sign_bit)
-
-
-def _word_text(role: str, column: Column, word: Word) -> str:
-    """What is said of numbers that are words without their sign, or may be."""
-    x, values = column.finite, with_sign(column.finite, word.signed, word.sign_bit)[0]
-    become, place = f"{x.min():g} to {x.max():g} become {values.min():g} to {values.max():g}", f"of [[{role}]]"
-    if word.sure:
-        off = word.entry.split(" = ")[0]
-        return f"column {column.name!r} holds {word.kind}: {become}; if not, set {off} = 0 {place} in a mapping"
-    return f"column {column.name!r} may hold {word.kind}; if so, set {word.entry} {place} in a mapping: {become}"

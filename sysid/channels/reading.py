@@ -17,6 +17,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
 from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units, with_hexadecimal
 from sysid.channels.column import numbers
+from sysid.channels.corrections import filling_of, interpolation_of, note_on_loose_stamps, sampling_of
 from sysid.channels.experiments import alone, cut, join, note_on_falls, pieces_of
 from sysid.channels.fresh import with_fresh_rows
 from sysid.channels.grid import Grid, Timing, check_gaps, find_grid, place, value_of_each_stamp
@@ -26,10 +27,10 @@ from sysid.channels.mapping_file import read_map
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_clocks
 from sysid.channels.rates import at_output
-from sysid.channels.repair import Correction, drop_empty_ends, keep_rows, total
+from sysid.channels.repair import drop_empty_ends, keep_rows, total
 from sysid.channels.restarts import SHORTEST
 from sysid.channels.run_columns import in_blocks
-from sysid.channels.signals import Sampling, Signal, Signals, check_size, resample_signals
+from sysid.channels.signals import Signal, Signals, check_size, resample_signals
 from sysid.channels.stamps import read_stamps, values_at
 from sysid.data.missing import runs
 from sysid.data.table import Table
@@ -156,7 +157,7 @@ def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> S
         tuple(signals["input"]),
         tuple(signals["output"]),
         tuple(signals["other"]),
-        sampling=_sampling(timing),
+        sampling=sampling_of(timing),
     )
     share = float(record.missing.mean())
     if share > mapping.repair.most_lost:
@@ -167,12 +168,12 @@ def _sample_part(table: Table, mapping: ChannelMap, notes: tuple[str, ...]) -> S
     corrections = [
         *(timing.stamps.corrections if timing.stamps is not None else ()),
         ends,
-        _filling(timing, empty, int(record.missing.sum())),
-        _interpolation(timing),
+        filling_of(timing, empty, int(record.missing.sum())),
+        interpolation_of(timing),
     ]
     words = [correction.words for correction in corrections if correction.needed]
     notes = (*notes, *name_notes, *table.notes, *words)
-    notes = (*notes, *_loose_stamps(timing))
+    notes = (*notes, *note_on_loose_stamps(timing))
     record = resample_signals(replace(record, notes=notes, counts=total(corrections)), mapping.clock.Ts)
     return replace(record, notes=(*record.notes, *record.switch_notes(), *record.drive_notes()))
 
@@ -294,47 +295,3 @@ def _place_channels(
         longest = timing.grid.N if repair.empty == "outputs" and role == "output" else repair.longest_gap
         values_and_marks.append(place(table, timing, channel, values, role, longest))
     return values_and_marks, np.concatenate(empty)
-
-
-def _filling(timing: Timing, empty: np.ndarray, filled: int) -> Correction:
-    """What was filled: samples that were lost between stamps, and cells in the rows `empty` (m,)."""
-    grid, stamps = timing.grid, timing.stamps
-    lost_rows = stamps.rows[grid.gaps[:, 0] + 1] if stamps is not None else np.zeros(0, dtype=int)
-    return Correction(
-        {"lost": grid.lost, "empty cells": len(empty), "filled samples": filled},
-        f"{grid.lost} lost sample(s) and {len(empty)} empty cell(s) filled: inputs held, outputs by a straight line "
-        f"and marked as missing ({filled} samples)",
-        np.concatenate([lost_rows, empty]),
-    )
-
-
-def _interpolation(timing: Timing) -> Correction:
-    """What was interpolated: all samples where stamps are not uniform."""
-    stamps, grid = timing.stamps, timing.grid
-    if stamps is None or grid.index is not None:
-        return Correction({}, "")
-    steps = np.diff(stamps.t)
-    return Correction(
-        {"interpolated": grid.N},
-        f"the stamps are not uniform (steps of {steps.min():.4g} to {steps.max():.4g} s): resampled every "
-        f"{grid.Ts:g} s, outputs by straight lines, held inputs by their mean over each step",
-    )
-
-
-def _loose_stamps(timing: Timing) -> tuple[str, ...]:
-    """That rows are taken as they are though stamps are off, and why."""
-    grid = timing.grid
-    if not grid.loose:
-        return ()
-    return (
-        f"stamps are up to {grid.off:.3g} s ({grid.off / grid.Ts:.0%} of a step) off equal steps of {grid.Ts:g} s, "
-        "which never add up, and the outputs do not follow them: the rows are taken as samples at equal steps",
-    )
-
-
-def _sampling(timing: Timing) -> Sampling:
-    """The clock of the file as it was."""
-    stamps, grid = timing.stamps, timing.grid
-    if stamps is None:
-        return Sampling()
-    return Sampling(np.diff(stamps.t), grid.median, grid.off, stamps.first, grid.index is None, grid.loose)

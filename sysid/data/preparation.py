@@ -168,7 +168,7 @@ def _stretches(data: IOData) -> IOData:
     """The stretches without a missing output as experiments; raises InputError where all are too short."""
     parts: list[IOData] = []
     for e in data.experiments:
-        complete = np.ones(e.N, dtype=bool) if e.missing is None else ~e.missing.any(axis=1)
+        complete = np.ones(e.N, dtype=bool) if e.missing is None else np.logical_not(e.missing.any(axis=1))
         parts += [e.select(a, b) for a, b in runs(complete) if b - a >= STRETCH]
     if not parts:
         raise InputError(

@@ -22,6 +22,7 @@ UNITS = "[mkuµμ]?V|[muµμ]?A|°|º|deg|Grad|m?rad|%|[mnuµμ]?s|sec|rpm|1/min
 WITH_UNIT = re.compile(rf"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*({UNITS})")
 NUMBER_LETTERS = re.compile(r"[+-]?[.,]?\d[\d.,]{0,40}")
 HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+|(?=.*\d)[0-9a-fA-F]{2,16}[hH]?|[0-9A-F]{2,16}[hH]?")
+FIRST, STRAY = 1000, 0.1  # cells that are looked at, and the share of words among them that are not there by mistake
 # In small letters:
 SPREADSHEET_ERRORS = ("#n/a", "#div/0!", "#value!", "#ref!", "#name?", "#num!", "#null!")
 SWITCH_WORDS = {"true": 1.0, "false": 0.0, "on": 1.0, "off": 0.0}
@@ -30,8 +31,8 @@ CHUNK = 1 << 16  # cells that are Python strings at a time
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
 
 
-def explain_non_number(cell: str, column: str, decimal: str = ".") -> str:
-    """What stands in a cell of `column` that is no number, and what to do."""
+def explain_non_number(cell: str, column: str, decimal: str = ".", cells: Sequence[str] = ()) -> str:
+    """What stands in a cell of `column`, which holds the `cells`, that is no number, and what to do."""
     text, short = cell.strip(), cell if len(cell) <= LONGEST_CELL else cell[: LONGEST_CELL - 3] + "..."
     words = f"found {short!r}"
     if text == column.strip():
@@ -43,7 +44,7 @@ def explain_non_number(cell: str, column: str, decimal: str = ".") -> str:
         return f"{words}, an error of a spreadsheet; empty the cell, which is then a missing value"
     if len(text) <= LONGEST_CELL and (unit := WITH_UNIT.fullmatch(text)):
         return f"{words}, a number with its unit; write numbers alone: {unit[1]!r} belongs into the header"
-    if is_hexadecimal(text):
+    if is_hexadecimal(text) and _share_of_words(cells) > STRAY:
         also = f"; if it is Fortran's, write {text.upper().replace('D', 'e')}" if FORTRAN.fullmatch(text) else ""
         return (
             f"{words}, which seems to be a hexadecimal word: set base = 16 for its channel in a mapping (qpal info "
@@ -74,6 +75,12 @@ def is_number_otherwise_spelled(text: str) -> bool:
     """Whether a text that is no number stands for one beyond doubt: with thousands marks, a unit, or as in Fortran."""
     text = text.strip()
     return len(text) <= LONGEST_CELL and any(form.fullmatch(text) for form in (FORTRAN, THOUSANDS, WITH_UNIT))
+
+
+def _share_of_words(cells: Sequence[str]) -> float:
+    """The share of hexadecimal words that are no decimal numbers among the first cells."""
+    first = [str(cell) for cell in cells[:FIRST]]
+    return sum(is_hexadecimal(cell) and not is_number(cell) for cell in first) / max(len(first), 1)
 
 
 def is_hexadecimal(text: str) -> bool:
@@ -228,4 +235,4 @@ class Table:
             raise self.error(j, k, "found an empty cell; remove the row or fill it") from None
         if not is_number(cell):
             shown = self.columns[j][k]  # as the file has it
-            raise self.error(j, k, explain_non_number(shown, self.names[j], self.decimal)) from None
+            raise self.error(j, k, explain_non_number(shown, self.names[j], self.decimal, self.columns[j])) from None

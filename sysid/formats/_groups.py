@@ -75,11 +75,11 @@ def _distinct(names: Sequence[str]) -> list[str]:
 def damage(path: Path, kind: str, remedy: str) -> Iterator[None]:
     """Within it every error of a library that reads `path` is an InputError: a damaged file fails in many ways there.
 
-    What the machine refuses, memory or the disk, stays what it is.
+    What the machine refuses, memory or the disk, stays what it is, and so does a sentence.
     """
     try:
         yield
-    except MemoryError:
+    except (InputError, MemoryError):
         raise
     except Exception as error:
         if isinstance(error, OSError) and error.errno:

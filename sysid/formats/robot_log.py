@@ -13,7 +13,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Table
 from sysid.formats._format import Format
-from sysid.formats._groups import libraries_of
+from sysid.formats._groups import damage, libraries_of
 from sysid.formats._unit_names import units_of
 
 LONGEST = 64  # elements of a list in a message that become columns; an image or a scan is no signal
@@ -81,18 +81,9 @@ class RobotLog(Format):
         omitted: dict[str, str] = {}
         is_mcap = path.suffix.lower() == ".mcap"
         messages = _mcap_messages(path, notes, omitted) if is_mcap else _ros_messages(path, omitted)
-        try:
+        with damage(path, "robot log", "repair it with mcap recover or ros2 bag reindex, or record it again"):
             for name, time, message in messages:
                 topics.setdefault(name.removeprefix("/"), Topic()).add(time, message)
-        except (InputError, ImportError, MemoryError):
-            raise
-        except Exception as error:  # each layer of these formats has exceptions of its own
-            if isinstance(error, OSError) and error.errno:
-                raise
-            raise InputError(
-                f"{path} is not a readable robot log ({type(error).__name__}: {str(error)[:80]}); repair it with mcap "
-                "recover or ros2 bag reindex, or record it again"
-            ) from None
         if omitted:
             notes.append(f"left out {', '.join(f'{topic} ({reason})' for topic, reason in omitted.items())}")
         return _table(path, topics, notes)

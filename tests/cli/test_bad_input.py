@@ -82,7 +82,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "infinite": (["inf.csv", "--ts", "1"], ["inf.csv, row 17, column 'y'", "infinite"]),
     "huge": (["huge.csv", "--ts", "1"], ["huge.csv, row 17, column 'u'", "1e100", "unit"]),
     "ragged": (["ragged.csv", "--ts", "1"], ["ragged.csv, row 17", "1 cell ", "row 1 has 2"]),
-    "name twice": (["twice.csv", "--ts", "1"], ["twice.csv", "'u'", "rename"]),
+    "name twice": (["twice.csv", "--ts", "1"], ["twice.csv", "'u', 'u 2'", "--input"]),
     "constant input": (["constant_u.csv", "--ts", "1"], ["constant_u.csv", "input 'u' is 1.5", "200 samples"]),
     "constant output": (["constant_y.csv", "--ts", "1"], ["constant_y.csv", "output 'y' is 2.5", "200 samples"]),
     "still while fitted": (["still_start.csv", "--ts", "1", "--split", "0.5"], ["still_start.csv", "one of the two"]),

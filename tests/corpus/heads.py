@@ -58,7 +58,7 @@ LOGS: dict[str, Log] = {
     "a name with blanks": log("Time in s,Motor voltage in V,Arm angle in rad\n" + ROWS, SAFE),
     "names of two words": log("elapsed time,motor voltage,joint angle\n" + ROWS),
     "names in capital letters": log("T,U,Y\n" + ROWS),
-    "a name twice": log("t,u,u\n" + ROWS, refused("'u'", "rename")),
+    "a name twice": log("t,u,u\n" + ROWS, refused("'u', 'u 2'", "--input")),
     "three outputs": log("t,u,y1,y2\n" + ROWS.replace("\n", ",7\n").replace("1.25,7", "1.25,8"), SAFE),
     "German units behind in": log("Zeit in s;Spannung in V;Winkel in Grad\n" + SEMI, DEG),
     "a German degree sign behind in": log("Zeit in s;Spannung in V;Winkel in \u00b0\n" + SEMI, DEG),
