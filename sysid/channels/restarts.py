@@ -81,7 +81,7 @@ def shortened(steps: np.ndarray, step: float) -> np.ndarray:
     A stamp that came late or early is made up for by the next ones, and a lost sample takes whole steps. Over as many
     steps as an experiment has at least, the clock is therefore ahead by more than it wanders otherwise.
     """
-    if len(steps) < SHORTEST or step <= 0:
+    if len(steps) <= SHORTEST or step <= 0:
         return np.zeros(0, dtype=int)
     ahead = np.convolve(step - steps, np.ones(SHORTEST + 1), "same")
     usual = float(np.median(ahead))

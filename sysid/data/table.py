@@ -31,7 +31,7 @@ CHUNK = 1 << 16  # cells that are Python strings at a time
 LARGEST = 1e100  # squares of it still fit a float64, sums of squares of a million of them too
 
 
-def explain_non_number(cell: str, column: str, decimal: str = ".", cells: Sequence[str] = ()) -> str:
+def explain_non_number(cell: str, column: str, decimal: str = ".", cells: Sequence[str] | np.ndarray = ()) -> str:
     """What stands in a cell of `column`, which holds the `cells`, that is no number, and what to do."""
     text, short = cell.strip(), cell if len(cell) <= LONGEST_CELL else cell[: LONGEST_CELL - 3] + "..."
     words = f"found {short!r}"
@@ -77,7 +77,7 @@ def is_number_otherwise_spelled(text: str) -> bool:
     return len(text) <= LONGEST_CELL and any(form.fullmatch(text) for form in (FORTRAN, THOUSANDS, WITH_UNIT))
 
 
-def _share_of_words(cells: Sequence[str]) -> float:
+def _share_of_words(cells: Sequence[str] | np.ndarray) -> float:
     """The share of hexadecimal words that are no decimal numbers among the first cells."""
     first = [str(cell) for cell in cells[:FIRST]]
     return sum(is_hexadecimal(cell) and not is_number(cell) for cell in first) / max(len(first), 1)

@@ -91,6 +91,13 @@ def test_the_column_that_the_note_asks_for_gives_the_pole_back(tmp_path):
     assert pole(data) == pytest.approx(0.9, abs=1e-6)
 
 
+@pytest.mark.parametrize("rows", [11, 12])
+def test_a_log_of_few_rows_is_read_beside_ts(rows, tmp_path):
+    _, y = motor(np.random.default_rng(4), rows)
+    path = write(tmp_path / "log.csv", "t,u,y", TS * np.arange(rows), np.arange(rows) % 3, y)
+    assert len(read_record(path, Ts=TS).data.y) == rows
+
+
 @pytest.mark.parametrize("kind", ["even", "jitter", "drift", "lost", "coarse"])
 def test_clocks_of_one_run_are_not_told_so(kind, tmp_path):
     rng = np.random.default_rng(3)
