@@ -75,6 +75,8 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
     clocks = _clocks(table, mapping, (reference, *names))
     times, reach = _times(table, mapping, clocks[reference], filled)
     own = _series(table, reference, times)
+    if len(own.t) < int(filled.sum()):
+        numbers(keep_rows(table, filled), clocks[reference])  # raises: a value of the output has no time
     merged, sentences, longest = {}, [], mapping.repair.longest_gap
     for name, role in names.items():
         same = clocks[name] == clocks[reference]

@@ -112,12 +112,10 @@ def _mean_inputs(u: np.ndarray, step: float, n: int) -> np.ndarray:
 def mean_of_held(t: np.ndarray, values: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """The mean (m,) between `start` and `stop` (m,) of values (n,) that are held from their times t (n,), which rise.
 
-    What drives a plant over a step is this mean. The first value holds before its time and the last one behind it.
+    What drives a plant over a step is this mean. The first value holds before its time and the last one behind it. Of a
+    step without width, as at a time so large that a step adds nothing to it, the mean is the value there.
     """
     sums = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(t))])
-
-    def integral(places: np.ndarray) -> np.ndarray:
-        k = np.maximum(np.searchsorted(t, places, side="right") - 1, 0)
-        return np.asarray(sums[k] + values[k] * (places - t[k]))
-
-    return (integral(stop) - integral(start)) / (stop - start)
+    first, last = (np.maximum(np.searchsorted(t, places, side="right") - 1, 0) for places in (start, stop))
+    area = sums[last] + values[last] * (stop - t[last]) - sums[first] - values[first] * (start - t[first])
+    return np.divide(area, stop - start, out=values[first].astype(float), where=stop > start)

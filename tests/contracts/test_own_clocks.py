@@ -1,6 +1,7 @@
 """Signals with clocks of their own in plain tables: a plant that is known in continuous time comes back from each."""
 
 import json
+import re
 from datetime import datetime, timedelta
 from itertools import zip_longest
 from pathlib import Path
@@ -165,3 +166,15 @@ def test_two_clocks_of_whole_rows_stay_so(tmp_path):
         record = read_signals(write(tmp_path / "a.csv", (first, u, second, y), head))
         np.testing.assert_allclose(record.input[0].values, u, rtol=1e-11)
         assert not any("clocks of their own" in note for note in record.notes)
+
+
+@pytest.mark.parametrize(("stamp", "said"), [("1e18", "time must increase"), ("nan", "row 42, column 't_y': found no")])
+def test_a_value_without_a_time_of_its_own_is_refused_where_it_stands(stamp, said, tmp_path):
+    """A time so large that a step adds nothing to it is no division by zero."""
+    t_u, u, t_y, y = recorded(*RATES["fast input"])
+    texts = [[f"{x:.9g}" for x in column] for column in (t_u, u, t_y, y)]
+    texts[2][40] = stamp
+    rows = (",".join(row) for row in zip_longest(*texts, fillvalue=""))
+    (tmp_path / "a.csv").write_text("\n".join(["t_u,u,t_y,y", *rows]) + "\n")
+    with np.errstate(all="raise"), pytest.raises(sysid.InputError, match=re.escape(said)):
+        read_signals(tmp_path / "a.csv")
