@@ -144,6 +144,7 @@ class Motor(Recursion):
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
         **ABSENT,
     }
+    rare: ClassVar = ("periodic", *(f"has_{part}" for part in TABLE))
 
     load: int = 1
     loss: bool = False

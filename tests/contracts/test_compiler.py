@@ -240,6 +240,28 @@ def test_what_a_motor_does_not_have_leaves_no_line():
     assert plain.count("exp(") == 1  # the lag's own
 
 
+def test_a_motor_without_rare_parts_has_a_kernel_of_its_own_and_the_same_numbers():
+    plain = Motor(load=3, stribeck=True, sided=True, loss=True, jams=True, substeps=2)
+    wide = Motor(load=3, stribeck=True, sided=True, loss=True, jams=True, substeps=2, periodic=1, further=("windage",))
+    module, _ = plain._kernels
+    assert not {"sine1", "windage", "warmth"} & set(module.PARAMETERS)
+    assert {"sine1", "windage", "warmth"} <= set(wide._kernels[0].PARAMETERS)
+    values = {"gain": 0.02, "lag": 0.4, "rise": 1.0, "fall": 1.4, "stick": 0.3, "stick_speed": 0.01, "stick_down": 0.2}
+    values |= {"load0": 0.4, "load1": 0.8, "load2": -0.5, "loss": 0.3, "jam": 20.0, "delay": 0.3, "upper": 1.0}
+    x = 8.0 * np.sin(0.03 * np.arange(600.0)) + np.sin(np.arange(600.0))
+    runs = {}
+    for motor in (plain, wide):
+        theta = np.array([values.get(slot.name, 0.0) for slot in motor.slots()])
+        J = np.zeros((len(x), len(theta)))
+        y = motor.propagate(theta, x, J, 0)
+        runs[motor] = y, dict(zip([slot.name for slot in motor.slots()], J.T, strict=True))
+    assert runs[plain][0].min() == 0.0  # it strikes both ends
+    assert runs[plain][0].max() == 1.0
+    assert np.array_equal(runs[plain][0], runs[wide][0])
+    for name, column in runs[plain][1].items():
+        assert np.array_equal(column, runs[wide][1][name]), name
+
+
 def test_slopes_are_numbers_where_an_exponential_is_infinite():
     """At either end of a sigmoid the slope is 0, and the weight's derivative is the value of the unit there."""
     block = BLOCKS["sigmoid_network"][0]

@@ -52,6 +52,18 @@ def specialise(
         program = folded
 
 
+def without(program: Program, off: Mapping[str, float]) -> Program:
+    """The program of blocks that lack these parts of their structure, and the parameters that only the parts read."""
+    slim = specialise(program, {}, {}, off)
+    read = {e for body in (slim.begin, slim.step) for e in expressions(body)}
+    params, consts = ({e.name for e in read if isinstance(e, kind)} for kind in (Param, Const))
+    return replace(
+        slim,
+        params=tuple(name for name in slim.params if name in params),
+        consts=tuple(name for name in slim.consts if name in consts),
+    )
+
+
 def _sets(body: Body, v: Var) -> bool:
     return any(isinstance(s, Assign) and s.target == v for s in statements(body))
 
@@ -71,7 +83,7 @@ class _Folder:
         if isinstance(e, Var):
             return env.get(e, e)
         if isinstance(e, Const):
-            return Num(self.structure[e.name])
+            return Num(self.structure[e.name]) if e.name in self.structure else e
         if isinstance(e, Param) and e.index is None:
             return Num(float(self.params[e.name])) if e.name in self.params else e
         e = rebuilt(e, lambda a: self.expr(a, env))

@@ -100,6 +100,7 @@ class Columns(Derivatives):
                 self.emit(f"{place.format(f'q + {key[1]}')} += {c}")
 
 
+_TUPLE = 30  # entries: of more Python makes a list first
 _SMALL = 6  # statements behind an if that are written into both of its branches
 
 
@@ -174,7 +175,7 @@ class Writer(Columns):
         b = self.inside(lambda: self.run(s.orelse, dict(env), out, left, final=ends(s.orelse)))
         if a is None or b is None:
             return b if a is None else a  # type: ignore[return-value]
-        first, second = [], []
+        first, second, names = [], [], []
         merged: dict[Var, Map] = {}
         for v in sorted({*a, *b}, key=variable):  # type: ignore[misc]
             if v not in out and v not in self.found.light:
@@ -187,12 +188,18 @@ class Writer(Columns):
                     merged[v][key] = x
                     continue
                 self.count += 1
-                first.append(f"m{self.count} = {x}")
-                second.append(f"m{self.count} = {y}")
-                merged[v][key] = f"m{self.count}"
+                first.append(str(x))
+                second.append(str(y))
+                names.append(f"m{self.count}")
+                merged[v][key] = names[-1]
         pad = "    " * (self.depth + 1)
-        self.lines[middle:middle] = [pad + line for line in first]
-        self.lines += [pad + line for line in second]
+        # Tuples, since numba's time grows with the number of variables that two branches set.
+        for k in range(0, len(names), _TUPLE):
+            part = slice(k, k + _TUPLE)
+            self.lines[middle:middle] = [f"{pad}both{k} = ({', '.join(first[part])},)"]
+            self.lines.append(f"{pad}both{k} = ({', '.join(second[part])},)")
+        for k in range(0, len(names), _TUPLE):
+            self.emit(f"{', '.join(names[k : k + _TUPLE])}, = both{k}")
         assert begin <= middle
         return merged
 
