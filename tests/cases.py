@@ -309,6 +309,7 @@ LOGS = Path(__file__).parent / "saved" / "logs"  # two logs of one experiment on
 VERBS = {
     "calibrate": ["leg.csv", "--joint", "shoulder", "--free", "upper,no_load_speed"],
     "compare": [str(LOGS / "one.csv"), "--joint", "shoulder", "--against", str(LOGS / "two.csv")],
+    "demo": [],
     "crawl": ["--steps", "4", "--robots", "1", "--duration", "2"],
     "design": ["leg.csv", "--for", "breakaway"],
     "export": ["model.json", "--c", "--python"],

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ pytestmark = pytest.mark.pixels
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+CITED = re.search(r"^version: (\S+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)[1]
 FAR = 20.0  # [%] below the ceiling: a model that does not describe the record
 SECONDS = {"compare": "8", "design": "30"}  # of the log, and of a search
 LESS = {"--duration": 40.0, "--seeds": 1.0, "--starts": 1.0}  # enough to show that a command runs
@@ -31,6 +33,26 @@ def test_first_command_by_line_15_and_few_words_before_the_tables():
     before, _, _ = README.partition("\n| ")
     prose = re.sub(r"^```.*?^```", "", before, flags=re.DOTALL | re.MULTILINE)
     assert len(prose.split()) <= 400
+
+
+def test_one_version_stands_everywhere():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert CITED == project == re.search(r"^## \[(\d[\d.]*)\]", changes, re.MULTILINE)[1]
+
+
+def test_every_dependency_has_its_licence_listed():
+    needed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    names = {re.match(r"[\w-]+", text)[0].replace("_", "-") for text in needed}
+    rows = re.findall(r"^\| ([a-z][\w-]*) \| \S+ \| (.+?) \|", (ROOT / "docs/licences.md").read_text(), re.MULTILINE)
+    assert names <= {name for name, _ in rows}
+    assert not [name for name, licence in rows if licence == "not stated"]
+
+
+def test_the_newest_version_of_the_changelog_is_one_screen():
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    newest = re.split(r"^## ", changes, flags=re.MULTILINE)[1]
+    assert len(newest.splitlines()) <= 40
 
 
 @pytest.mark.parametrize("code", blocks("python"))
@@ -63,6 +85,8 @@ def test_shell_runs(block, tmp_path, monkeypatch):
     for program, *arguments in filter(None, commands):
         if program == "qpal":
             assert VERBS.get(arguments[0]) == arguments[1:] or main(shortened(arguments)) == 0
+        elif program == "pip":  # .ci/run installs the wheel and runs the demo
+            assert arguments == ["install", f"qpal-{CITED}-*.whl", "&&", "qpal", "demo"]
         else:  # the starters make an environment: .ci/run is where they run
             assert program == "sh"
             assert (ROOT / arguments[0]).is_file()

@@ -13,6 +13,7 @@ from twin.cli.browser import app as browser
 from twin.cli.calibrate import calibrate
 from twin.cli.compare import compare
 from twin.cli.crawl import crawl
+from twin.cli.demo import demo
 from twin.cli.design import design
 from twin.cli.export import export
 from twin.cli.identify import identify
@@ -23,9 +24,10 @@ from twin.cli.run import run
 from twin.cli.simulate import simulate
 from twin.cli.view import view
 
-VERBS = (info, identify, run, export, design, browser, simulate, compare, calibrate, view, crawl, reproduce)
+VERBS = (demo, info, identify, run, export, design, browser, simulate, compare, calibrate, view, crawl, reproduce)
 # As `qpal --help` shows them; rig and bench have verbs of their own.
 HEADINGS = {
+    "Begin": ("demo",),
     "Models of records": ("info", "identify", "run", "export", "design", "app"),
     "The leg and its rig": ("simulate", "compare", "calibrate", "view", "rig"),
     "For work on QPAL itself": ("reproduce", "crawl", "bench"),
