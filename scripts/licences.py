@@ -10,8 +10,8 @@ from packaging.requirements import Requirement
 
 HEAD = """# Licences
 
-QPAL is under Apache-2.0. It needs {direct} packages, which need {others} more: {size:.0f} MB in all, of which {own:.1f} MB
-are QPAL. Written by `python scripts/licences.py` from what the packages say of themselves.
+QPAL is under Apache-2.0. It needs {direct} packages, which need {others} more: {size:.0f} MB in all, of which
+{own:.1f} MB are QPAL. Written by `python scripts/licences.py` from what the packages say of themselves.
 
 | package | version | licence | MB | needed by |
 | :-- | :-- | :-- | --: | :-- |"""

@@ -4,12 +4,14 @@ Gain and offset can be shared freely between two blocks, so the values of a map 
 scale (a saturation on the input has slope one) is shown unchanged. For every other map, the signals between blocks are
 scaled to the mean and standard deviation of the outer signal over the record: the output of an input map has those of
 u, the input of an output map has those of y, and a map between two linear blocks has signals with mean 0 and standard
-deviation 1. These curves do not depend on the gauge. A straight line on the diagonal means no nonlinearity.
+deviation 1, of which the input follows u. These curves do not depend on the gauge, nor on a sign that moves from one
+filter to another. A straight line on the diagonal means no nonlinearity.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import correlate
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
@@ -79,7 +81,7 @@ def curve(info: Information, role: str, x: np.ndarray | None = None, points: int
     if role not in _roles(info):
         raise unknown("static map", role, _roles(info))
     k = next(i for i, b in enumerate(info.chain.blocks) if b.role == role)
-    signals, correlation = _signals(info, k)
+    signals, correlation, follows = _signals(info, k)
     own_x = np.linspace(signals[0].lower, signals[0].upper, points) if x is None else np.asarray(x, dtype=float)
     raw = band(info, own_x, *_raw(info, k, own_x), level)
     u_unit, y_unit = info.data.u_unit, info.data.y_unit
@@ -87,7 +89,7 @@ def curve(info: Information, role: str, x: np.ndarray | None = None, points: int
     units = (u_unit if first else y_unit if last else "", y_unit if last else u_unit if first else "")
     if raw.note != GAUGE:
         return Curve(role, raw, OWN, units[0] if first else "", units[1] if last else "")
-    scales = _scales(info, first, last, 1.0 if correlation >= 0 else -1.0)
+    scales = _scales(info, first, last, 1.0 if correlation >= 0 else -1.0, follows)
     return Curve(role, _normalised_band(info, k, signals, scales, x, points, level), NORMALISED, *units)
 
 
@@ -99,8 +101,9 @@ def _is_last(info: Information, k: int) -> bool:
     return all(map(is_offset, info.chain.blocks[k + 1 :]))
 
 
-def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]:
-    """Input and output of block k over the first experiment, and the covariance of the two."""
+def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float, float]:
+    """Input and output of block k over the first experiment, the covariance of the two, and the sign with which the
+    input follows u: that of their largest covariance at any delay."""
     record, chain, theta = info.data.experiments[0], info.chain, info.theta
     x, J, q = np.ascontiguousarray(record.u[:, 0]), np.zeros((record.N, len(theta))), 0
     map_input = x, J.copy()
@@ -108,12 +111,19 @@ def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float]
         map_input = x, J.copy()
         x = b.propagate(chain.part(theta, b), x, J, q)
         q += b.n_parameters
-    correlation = float((map_input[0] - map_input[0].mean()) @ (x - x.mean()))
-    return (_Signal.of(*map_input), _Signal.of(x, J)), correlation
+    centred, u = map_input[0] - map_input[0].mean(), record.u[:, 0] - record.u[:, 0].mean()
+    delayed = correlate(centred, u)[record.N - 1 :]
+    follows = -1.0 if delayed[np.argmax(np.abs(delayed))] < 0.0 else 1.0
+    return (_Signal.of(*map_input), _Signal.of(x, J)), float(centred @ (x - x.mean())), follows
 
 
-def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_Scale | None, _Scale | None]:
-    """Scaling of the two sides of a map; None where the side is u or y itself. The sign makes maps increase."""
+def _scales(
+    info: Information, first: bool, last: bool, sign: float, follows: float
+) -> tuple[_Scale | None, _Scale | None]:
+    """Scaling of the two sides of a map; None where the side is u or y itself. The sign makes maps increase.
+
+    Between two filters a map that is turned by half a turn increases too, hence `follows`.
+    """
     record = info.data.experiments[0]
     u, y = record.u[:, 0], record.y[record.observed[:, 0], 0]
     if first and last:
@@ -122,7 +132,7 @@ def _scales(info: Information, first: bool, last: bool, sign: float) -> tuple[_S
         return None, _Scale(float(u.mean()), float(u.std()), sign)
     if last:
         return _Scale(float(y.mean()), float(y.std()), sign), None
-    return _Scale(0.0, 1.0, sign), _Scale(0.0, 1.0, 1.0)
+    return _Scale(0.0, 1.0, follows), _Scale(0.0, 1.0, follows * sign)
 
 
 def _raw(info: Information, k: int, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

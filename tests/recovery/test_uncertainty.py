@@ -178,6 +178,28 @@ def moved(theta, a, b, c):
     return theta
 
 
+@pytest.mark.parametrize("first", [0.4, -0.4])
+def test_a_map_between_two_filters_is_the_same_whichever_of_them_has_the_sign(first):
+    """Turned by half a turn, with both filters negated, it is the same system; its curve is that of the map itself."""
+    chain = sysid.structures.wiener_hammerstein(1, 1, 1, middle=sysid.blocks.PiecewiseLinear(knots=4))
+    x, y = np.array([-1.5, -0.5, 0.4, 1.6]), np.array([-2.2, -1.9, -1.1, 2.0])
+    u = sysid.excitations.excitation("aprbs", amplitude=2.0).generate(600, 1.0, np.random.default_rng(5))
+
+    def seen(x, y, sign):
+        theta = np.array([sign * first, -0.8, 0.0, *x, *y, sign * 0.5, -0.6, 0.0])
+        output = chain.simulate(theta, u)
+        data = sysid.IOData(u, output + 0.01 * np.random.default_rng(6).standard_normal(600), 1.0)
+        return output, chain.signals(theta, u)[1:3], curves.curve(information_at(chain, theta, data), "middle")
+
+    (run, (signal, out), curve), (turned, _, other) = seen(x, y, 1.0), seen(-x[::-1], -y[::-1], -1.0)
+    assert turned == pytest.approx(run)
+    for name in ("x", "value", "std"):
+        assert getattr(other.band, name) == pytest.approx(getattr(curve.band, name), abs=1e-9)
+    way = np.sign(first)  # the input of the shown map rises with u
+    shown = np.interp(way * (signal - signal.mean()) / signal.std(), curve.band.x, curve.band.value)
+    assert shown == pytest.approx(way * (out - out.mean()) / out.std(), abs=0.02)
+
+
 def test_no_gauge_moves_what_is_reported():
     """One model in two gauges: poles, gain, curves, steady state, responses and bands have equal values and stds."""
     plant = system("textbook")
