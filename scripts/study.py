@@ -34,6 +34,7 @@ class Study:
     `summary(rows, options)` is a text, or a dictionary that is printed as JSON; a row has the score, and its case as
     `case`. `line` says one score in a line as soon as its case ends. `options` are arguments of `add_argument` by flag;
     `own` and others that cases need arrive as `options.own`. `seeds` is the default of --seeds.
+    `selecting` are names of options that choose cases or shape the summary: a journal serves any value of them.
     """
 
     cases: Callable[[argparse.Namespace], Iterable[Case]]
@@ -43,6 +44,7 @@ class Study:
     options: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     line: Callable[[Row], str] | None = None
     fails: Callable[[list[Row]], bool] | None = None
+    selecting: Sequence[str] = ()
 
 
 def seed_range(text: str) -> range:
@@ -84,7 +86,7 @@ def run(study: Study, options: argparse.Namespace) -> list[Row]:
     from sysid.base.files import Lines
     from sysid.base.parallel import results
 
-    runner = {"seeds", "workers", "scheduler", "out", "json"}
+    runner = {"seeds", "workers", "scheduler", "out", "json", *study.selecting}
     settings = {name: str(value) for name, value in sorted(vars(options).items()) if name not in runner}
     cases = [tuple(case) for case in study.cases(options)]
     journal = None if options.out is None else Lines(options.out)
