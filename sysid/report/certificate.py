@@ -59,7 +59,8 @@ def static_grid(rows: Sequence[StaticGrade]) -> Grid:
     return Grid(["difficulty", "start", "sets", *HEADINGS], cells, "NIST StRD, nonlinear regression", 2)
 
 
-def _every(rows: Sequence[Grade]) -> Grid:
+def every(rows: Sequence[Grade]) -> Grid:
+    """A row for each record, method and start."""
     cells = [
         [r.record, r.level, r.method, str(r.start), _text(r.parameters), _text(r.deviations), _text(r.rss), r.status]
         for r in rows
@@ -68,7 +69,8 @@ def _every(rows: Sequence[Grade]) -> Grid:
     return Grid(headings, cells, "Every record", 3, last_text=True, sortable=True)
 
 
-def _every_set(rows: Sequence[StaticGrade]) -> Grid:
+def every_set(rows: Sequence[StaticGrade]) -> Grid:
+    """A row for each of NIST's sets and starts."""
     cells = [
         [
             s.name,
@@ -171,7 +173,7 @@ def write_page(
             ],
             tables=[dynamic_grid(rows)],
             pictures=_of_records(rows),
-            details=[_every(rows)],
+            details=[every(rows)],
         )
     ]
     if static:
@@ -181,7 +183,7 @@ def write_page(
                 ["The solver of sysid.fit on functions in place of chains, one search from each published start."],
                 tables=[static_grid(static)],
                 pictures=_of_sets(static),
-                details=[_every_set(static)],
+                details=[every_set(static)],
             )
         )
     summary = {

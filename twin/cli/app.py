@@ -48,9 +48,23 @@ def _version(asked: bool) -> None:
         raise typer.Exit
 
 
+def _certificate(asked: bool) -> None:
+    if asked:
+        from sysid.bench.certificate.release import page_file
+
+        if (file := page_file()) is None:
+            raise InputError("no certificate lies with this copy of QPAL; qpal bench certify --page FILE.md makes one")
+        print(file.read_text(encoding="utf-8"), end="")
+        raise typer.Exit
+
+
 def qpal_options(
     version: Annotated[
         bool, typer.Option("--version", help="print the version and end", callback=_version, is_eager=True)
+    ] = False,
+    certificate: Annotated[
+        bool,
+        typer.Option("--certificate", help="print the certificate and end", callback=_certificate, is_eager=True),
     ] = False,
 ) -> None:
     """Digital twin of a robot leg, and system identification that is checked against it."""
