@@ -229,8 +229,8 @@ def draw(rows: list[Row], path: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 7), layout="constrained")
-    *panels, joint = figure.subplots(2, 3).ravel()[:5]
-    figure.axes[5].remove()
+    *panels, joint, beside = figure.subplots(2, 3).ravel()
+    beside.axis("off")
     for ax, kind in zip(panels, KINDS, strict=True):
         lines: dict[tuple[str, float], list[float]] = {}
         for row in rows:
@@ -246,7 +246,7 @@ def draw(rows: list[Row], path: Path) -> None:
         for kind, pit in row["pit"].items() if row["case"][0] == JOINT else ():
             values.setdefault(kind, []).append(pit)
     _panel(joint, "joints", {k.replace("_", " "): (v, "-", f"C{n % 10}") for n, (k, v) in enumerate(values.items())})
-    joint.legend(fontsize=7, loc="center left", bbox_to_anchor=(1.02, 0.5))
+    beside.legend(*joint.get_legend_handles_labels(), fontsize=8, loc="center left")
     figure.savefig(path, dpi=100)
 
 
