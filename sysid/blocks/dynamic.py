@@ -64,9 +64,6 @@ class Dynamic(Recursion):
         bounds = zip(self.names, self.lower, self.upper, strict=True)
         return tuple(Slot(n, "", lo, up, n in self.records, n in self.holding) for n, lo, up in bounds)
 
-    def program(self) -> Program:
-        return self._program
-
     @cached_property
     def _program(self) -> Program:
         return read(self.text)  # text from a file is read like any other, and never run

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from sysid.base.errors import InputError
 from sysid.block import step as language
+from sysid.block.compiler import subset
 from sysid.block.compiler.functions import FUNCTIONS
 from sysid.block.compiler.recursion import Map, Recursion, Written
 from sysid.block.step import Input
@@ -238,6 +239,16 @@ def test_what_a_motor_does_not_have_leaves_no_line():
     assert "jammed" in everything
     assert "ratio" in everything
     assert plain.count("exp(") == 1  # the lag's own
+
+
+def test_a_step_is_read_once_for_all_that_is_written_of_a_block(monkeypatch):
+    read, times = subset.read, []
+    monkeypatch.setattr(subset, "read", lambda *words: times.append(words) or read(*words))
+    motor = Motor(load=3)
+    theta = motor.start(np.ones(9))
+    motor.c(theta)
+    motor.python(theta)
+    assert len(times) == 1
 
 
 def test_a_motor_without_rare_parts_has_a_kernel_of_its_own_and_the_same_numbers():

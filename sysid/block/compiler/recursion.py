@@ -146,6 +146,10 @@ class Written(Block):
 
     def program(self) -> "Program":
         """The functions as the compiler has read them."""
+        return self._program
+
+    @cached_property
+    def _program(self) -> "Program":
         from sysid.block.compiler.subset import read
 
         return read(self._text(), "value" if "value" in self.functions else "step")
