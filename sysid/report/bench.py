@@ -17,7 +17,7 @@ from sysid.bench.leaderboard import worst_to_draw
 from sysid.bench.regression import Verdict
 from sysid.drawing.axes import draw
 from sysid.report import bench_figures as plots
-from sysid.report.page import Grid, Page, Picture, Section, element, script, to_json
+from sysid.report.page import SCRIPT, Grid, Page, Picture, Section, element, script, to_json
 
 REPORT, FOLDER, TABLES = "report.html", "scenarios", "tables.md"
 WORST, EACH = 20, 3  # rows of a scenario's page, and of one method among them
@@ -77,8 +77,8 @@ def write(
     pictures = {} if redraw is None else _pictures(board, redraw, drawn)
     page = front(board, verdict, pictures)
     (folder / FOLDER).mkdir()
-    write_text(folder / REPORT, page.html())
-    write_text(folder / plots.SCRIPT, script())
+    write_text(folder / REPORT, page.html(beside=True))
+    write_text(folder / SCRIPT, script())
     for scenario, scenario_page in scenario_pages(board, pictures):
         write_text(folder / FOLDER / file_name(scenario), scenario_page.html())
     write_text(folder / TABLES, tables(board))
@@ -126,7 +126,6 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
         [*([verdict.sentences[0]] if verdict else []), *_first(board)],
         sections,
         packages,
-        scripts=(plots.SCRIPT,),
         wide=True,
     )
 

@@ -21,7 +21,6 @@ ALL = "all families"
 # Okabe and Ito's colours, which colour-blind readers can tell apart; methods of others are dashed too.
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a8794", "#a05a2c")
 TAUS = {"error": np.unique(np.round(np.geomspace(1.0, 30.0, 120), 4)), "time": np.geomspace(1.0, 1000.0, 120)}
-SCRIPT = "plotly.min.js"
 SAMPLES = 600  # of a drawn cell, around the largest error: a long record would be a black band
 
 

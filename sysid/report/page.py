@@ -1,4 +1,8 @@
-"""A report: sections of sentences, tables and pictures, written as one HTML file without network access."""
+"""A report: sections of sentences, tables and pictures, as HTML without network access.
+
+`Page.html` is one file. `write` puts plotly beside the page, once for a folder, and the page shows its pictures without
+zoom where it is taken from there alone.
+"""
 
 import base64
 import hashlib
@@ -28,6 +32,7 @@ if TYPE_CHECKING:
 
 PACKED = 64  # numbers; a longer list travels as the bytes of its doubles, which are exact and half as long
 DRAW = resources.files("sysid.report").joinpath("zoom.js").read_text(encoding="utf-8")
+SCRIPT = "plotly.min.js"
 SORT = resources.files("sysid.report").joinpath("sort.js").read_text(encoding="utf-8")
 # A page needs no address but its own: what it shows is inside it, and its scripts are those of this module.
 POLICY = "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
@@ -129,7 +134,7 @@ class Listing:
 class Section:
     """A heading with its content in the order: paragraphs, plots, tables, pictures, hidden tables and listings.
 
-    `plots` are elements of `element` beside the pictures; for them a page names plotly in its `scripts`.
+    `plots` are elements of `element` beside the pictures.
     """
 
     title: str
@@ -156,14 +161,16 @@ class Page:
     verdict: Sequence[str]
     sections: Sequence[Section] = ()
     made_with: dict[str, str] = field(default_factory=dict)
-    scripts: Sequence[str] = ()  # files beside the page
     wide: bool = False  # for tables of many columns
 
-    def html(self) -> str:
-        """The page as one document, self-contained but for its scripts; plotly's is part of it if a figure needs it."""
-        zooms = any(picture.zoom is not None for picture in self.pictures())
-        draws = zooms or any(section.plots for section in self.sections)
-        return _render(self.title, zooms, draws, self.sorts, self.scripts, page=self)
+    def html(self, beside: bool = False) -> str:
+        """The page as one document, with plotly in it if a figure needs it; or with plotly `beside` it, as `SCRIPT`."""
+        return _render(self.title, self.draws, self.sorts, beside, page=self)
+
+    @property
+    def draws(self) -> bool:
+        """Whether a figure needs plotly."""
+        return any(p.zoom is not None for p in self.pictures()) or any(section.plots for section in self.sections)
 
     @property
     def words(self) -> dict[str, str]:
@@ -185,15 +192,17 @@ class Page:
 
 def rebuilt(title: str, body: str, draws: bool) -> str:
     """A page around a `body` of HTML that was written before and has been checked; `draws` for one with figures."""
-    return _render(title, draws, draws, body=body, page=None)
+    return _render(title, draws, body=body, page=None)
 
 
-def _render(title: str, zooms: bool, draws: bool, sorts: bool = False, beside: Sequence[str] = (), **parts: Any) -> str:
-    """The document, whose policy names the hash of each script in it and lets scripts of the files `beside` it run."""
-    texts = {"plotly": script() if zooms else "", "draw": DRAW if draws else "", "sort": SORT if sorts else ""}
+def _render(title: str, draws: bool, sorts: bool = False, beside: bool = False, **parts: Any) -> str:
+    """The document, whose policy names the hash of each script in it and lets the script `beside` it run."""
+    source = SCRIPT if draws and beside else ""
+    texts = {"draw": DRAW if draws else "", "sort": SORT if sorts else ""}
+    texts["plotly"] = script() if draws and not beside else ""
     hashes = [_hash(text) for text in texts.values() if text]
-    sources = " ".join([*hashes, *(["'self'", "file:"] if beside else [])]) or "'none'"
-    return _template().render(title=title, policy=f"{POLICY}; script-src {sources}", **texts, **parts)
+    sources = " ".join([*hashes, *(["'self'", "file:"] if source else [])]) or "'none'"
+    return _template().render(title=title, policy=f"{POLICY}; script-src {sources}", source=source, **texts, **parts)
 
 
 @cache
@@ -238,12 +247,14 @@ def _commands(sentence: object) -> "Markup":
 
 
 def write(folder: Path, page: Page, summary: dict[str, Any]) -> None:
-    """Write report.html, summary.json and figures/*.png to `folder`, which the caller makes and moves into place."""
+    """Write report.html, its script, summary.json and figures/*.png to `folder`, which the caller moves into place."""
     figures = folder / "figures"
     figures.mkdir()
     for picture in page.pictures():
         (figures / f"{picture.name}.png").write_bytes(picture.png)
-    for name, text in (("report.html", page.html()), ("summary.json", to_json(summary))):
+    if page.draws:
+        write_text(folder / SCRIPT, script())
+    for name, text in (("report.html", page.html(beside=True)), ("summary.json", to_json(summary))):
         write_text(folder / name, text)
 
 
@@ -270,7 +281,7 @@ def figure_script(figure: Plotly, box: str) -> str:
 
 
 def script() -> str:
-    """The text of plotly.js, about 5 MB, for a page that stands alone."""
+    """The text of plotly.js, about 5 MB, once for a folder of pages, or in a page that stands alone."""
     from plotly import offline
 
     return printable(str(offline.get_plotlyjs()))  # as files are written: the page's policy has its hash

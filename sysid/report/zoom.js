@@ -1,5 +1,6 @@
 // Draws every figure of the page, and again when the page turns dark or light; zoom and legend stay.
 (() => {
+  if (!window.Plotly) return;  // the page was taken away from its script: the pictures stay
   const DARK = {
     "#1f2933": "#e6eaee", "#c2410c": "#fb8c4c", "#2f6f8f": "#6fb7d9", "#7a8794": "#98a5b2", "#dbe7ee": "#22333f",
     "#e4e7eb": "#2e3842", "#9aa5b1": "#53606c", "#2f855a": "#5fc48e", "#805ad5": "#b79cf2", "#b7791f": "#e0ac55",

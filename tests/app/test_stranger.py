@@ -220,9 +220,9 @@ def test_a_report_from_a_file_calls_nobody_whatever_stands_in_it(watched, trap, 
     markup = REPORT[REPORT.index("<main>") : REPORT.index("</main>")].replace("<iframe", "<b")
     plots = [page.element(figure(images=[PICTURE]), "a"), markup]
     sections = [Section(f"heading {ACTS}", [ACTS], plots=plots)]
-    text = Page(ACTS, ACTS, [ACTS], sections, scripts=("beside.js",)).html()
+    text = Page(ACTS, ACTS, [ACTS], sections).html(beside=True)
     (tmp_path / "report.html").write_text(text)
-    (tmp_path / "beside.js").write_text(page.script())
+    (tmp_path / page.SCRIPT).write_text(page.script())
     watched.get(f"file://{tmp_path}/report.html")
     until(lambda: watched.find_elements("css selector", "#zoom-a .main-svg"), "the figure", 40)
     wait(watched)

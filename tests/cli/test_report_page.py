@@ -89,12 +89,21 @@ def read(folder):
     return Reader((folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_loads_nothing_and_has_plotly_once(read):
+def test_the_page_is_small_and_loads_the_script_beside_it_alone(read, folder):
     for element in read.elements:
         for name in ("src", "href", "data", "action", "poster", "srcset"):
             target = element.at.get(name)
-            assert target is None or target.startswith(("#", "data:image/png;base64,")), (element.tag, target)
+            if (element.tag, target) != ("script", page.SCRIPT):
+                assert target is None or target.startswith(("#", "data:image/png;base64,")), (element.tag, target)
     assert not any("url(" in e.text or "@import" in e.text for e in read.all("style"))
+    assert [e.at["src"] for e in read.all("script") if "src" in e.at] == [page.SCRIPT]
+    assert "plotly.js v" in (folder / page.SCRIPT).read_text(encoding="utf-8")[:500]
+    assert (folder / "report.html").stat().st_size < 1e6
+
+
+def test_a_page_of_its_own_has_plotly_in_it_once(result):
+    read = Reader(identify.page(result, Exports()).html())
+    assert not [e for e in read.all("script") if "src" in e.at]
     scripts = [e for e in read.all("script") if e.at.get("type") != "application/json"]
     assert sum("plotly.js v" in e.text[:500] for e in scripts) == 1
     assert sum(len(e.text) > 1e6 for e in scripts) == 1
@@ -296,8 +305,9 @@ def opened(browser, folder, width, dark=False):
 
 def test_in_chromium_figures_are_drawn_nothing_is_loaded_and_the_legend_hides_a_model(browser, folder):
     opened(browser, folder, 1280)
-    assert browser.execute_script("return performance.getEntriesByType('resource').length") == 0
-    shown = "return [...document.querySelectorAll('figure.zoomed img')].filter((i) => i.offsetParent).length"
+    loaded = browser.execute_script("return performance.getEntriesByType('resource').map((e) => e.name)")
+    assert set(loaded) <= {(folder / page.SCRIPT).as_uri()}
+    shown = "return [...document.querySelectorAll('figure img')].filter((i) => i.offsetParent).length"
     assert browser.execute_script(shown) == 0  # the pictures are for paper
     lines = "return document.querySelectorAll('#zoom-free-run .scatterlayer .trace').length"
     before = browser.execute_script(lines)
@@ -312,6 +322,19 @@ def test_in_chromium_figures_are_drawn_nothing_is_loaded_and_the_legend_hides_a_
     assert {state for name, state in visible if name.startswith("free run")} == {"legendonly"}
     assert "legendonly" not in {state for name, state in visible if not name.startswith("free run")}
     assert browser.execute_script(lines) == before - 2  # in the output's and in the error's panel
+
+
+def test_in_chromium_a_folder_may_move_and_a_page_alone_shows_its_pictures(browser, folder, tmp_path):
+    moved = tmp_path / "elsewhere"
+    shutil.copytree(folder, moved)
+    opened(browser, moved, 1280)
+    assert browser.execute_script("return document.querySelectorAll('.zoom .main-svg').length") > 0
+    (moved / page.SCRIPT).unlink()
+    browser.get((moved / "report.html").as_uri())
+    figures = browser.execute_script("return document.querySelectorAll('figure').length")
+    shown = "return [...document.querySelectorAll('figure img')].filter((i) => i.offsetParent).length"
+    assert browser.execute_script(shown) == figures > 0
+    browser.get_log("browser")  # it says that the script is missing
 
 
 @pytest.mark.nightly
