@@ -55,7 +55,7 @@ class Picture:
     @classmethod
     def of(cls, name: str, figure: Figure, caption: str, zooms: bool = True) -> "Picture":
         """A figure drawn twice, or once: a page of which no picture zooms is without 5 MB of script."""
-        return cls(name, style.png(draw(figure)), caption, plotly(figure) if zooms else None)
+        return cls(name, style.png(draw(figure), few=True), caption, plotly(figure) if zooms else None)
 
     @property
     def data(self) -> str:

@@ -70,7 +70,7 @@ def picture(name: str, t: np.ndarray, sides: Mapping[str, Course], parameters: P
         "way of the foot. Drag to turn it, move the slider for another moment. A picture without a slider has the two "
         "poses that lie farthest apart, one of them pale."
     )
-    return Picture(name, style.png(draw(legs)), caption, figure(t[samples], legs, courses))
+    return Picture(name, style.png(draw(legs), few=True), caption, figure(t[samples], legs, courses))
 
 
 def _fill_gaps(y: np.ndarray) -> np.ndarray:
