@@ -53,7 +53,7 @@ def _pictures_are_blank(request: pytest.FixtureRequest) -> Iterator[None]:
     """By day figures are built, not rendered, which takes longer than most fits; `pixels` marks who looks at them."""
     with pytest.MonkeyPatch.context() as patch:
         if not FULL and not request.node.get_closest_marker("pixels"):
-            patch.setattr("sysid.base.style.png", lambda drawn: BLANK)
+            patch.setattr("sysid.base.style.png", lambda drawn, few=False: BLANK)
         yield
 
 

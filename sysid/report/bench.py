@@ -17,7 +17,9 @@ from sysid.bench.leaderboard import worst_to_draw
 from sysid.bench.regression import Verdict
 from sysid.drawing.axes import draw
 from sysid.report import bench_figures as plots
-from sysid.report.page import SCRIPT, Grid, Page, Picture, Section, element, script, to_json
+from sysid.report.bench_answer import answer
+from sysid.report.page import Grid, Page, Picture, Section, element
+from sysid.report.page import write as write_page
 
 REPORT, FOLDER, TABLES = "report.html", "scenarios", "tables.md"
 WORST, EACH = 20, 3  # rows of a scenario's page, and of one method among them
@@ -67,8 +69,8 @@ def write(
     verdict: Verdict | None = None,
     redraw: Redraw | None = None,
     drawn: int = DRAWN,
-) -> dict[str, Any]:
-    """Write report.html, scenarios/*.html, tables.md, summary.json and the script of the plots; returns the summary.
+) -> tuple[dict[str, Any], Page]:
+    """Write scenarios/*.html, tables.md and what `page.write` writes; returns the summary and the page.
 
     `folder` exists; the caller moves it into place. `verdict` is that of `sysid.bench.regression.compare`. With
     `redraw` the `drawn` worst cells of our best methods are solved again and drawn.
@@ -77,19 +79,17 @@ def write(
     pictures = {} if redraw is None else _pictures(board, redraw, drawn)
     page = front(board, verdict, pictures)
     (folder / FOLDER).mkdir()
-    write_text(folder / REPORT, page.html(beside=True))
-    write_text(folder / SCRIPT, script())
     for scenario, scenario_page in scenario_pages(board, pictures):
         write_text(folder / FOLDER / file_name(scenario), scenario_page.html())
     write_text(folder / TABLES, tables(board))
     summary_values = summary(board, verdict)
-    write_text(folder / "summary.json", to_json(summary_values))
-    return summary_values
+    write_page(folder, page, summary_values)
+    return summary_values, page
 
 
 def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -> Page:
     """The leaderboard."""
-    figures = _figures(board)
+    figures, winners = _figures(board), _grid(board.winners, presentation.WINNERS, 3)
     sections = [
         *([_changes(verdict)] if verdict is not None else []),
         _families(board),
@@ -99,9 +99,9 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
                 "A curve shows on which share of the tasks a method comes within a factor of the best method: of its "
                 "error in the first plot, of its time for a fit near the bar in the second. Higher is better. Methods "
                 "of others are dashed; a method without a rival on its tasks is level. Drag to zoom, "
-                "double-click to go back.",
+                "double-click to go back. The first plot stands above.",
             ],
-            plots=figures[:2],
+            plots=figures[1:2],
         ),
         Section("Cost", ["Mean gap to the bar against the time of a fit; low and left is better."], plots=figures[2:3]),
         _intervals(board, figures[3:4]),
@@ -127,6 +127,7 @@ def front(board: Board, verdict: Verdict | None, pictures: dict[str, Picture]) -
         sections,
         packages,
         wide=True,
+        answer=answer(board.winners, board.sentences, verdict, winners, figures[0]),
     )
 
 

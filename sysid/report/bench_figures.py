@@ -171,7 +171,9 @@ def _by_family(traces: list[Plotly], groups: list[str], families: list[str], lay
         for family in families
     ]
     menu = {"buttons": buttons, "x": 0, "xanchor": "left", "y": 1.02, "yanchor": "bottom", "direction": "down"}
-    return {"data": traces, "layout": layout | {"updatemenus": [menu]}}
+    below = {"x": 0, "xanchor": "left", "y": 0, "yref": "container", "yanchor": "bottom"}  # not behind the menu
+    legend = layout.get("legend", {}) | below
+    return {"data": traces, "layout": layout | {"updatemenus": [menu], "legend": legend}}
 
 
 def _layout(x: str, y: str, log: bool = False) -> Plotly:

@@ -1,5 +1,6 @@
 """The page of `qpal design`: the next experiment, and what it would tell."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from sysid.joint.sampling import response_samples
 from sysid.joint.use import Use
 from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.records import Signal, stack_figure
+from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.report.sections import WORDS, decimals, value_cells
 from sysid.workflow.design import Proposal
@@ -29,27 +31,60 @@ def page(result: Proposal, file: str) -> Page:
     )
     data = result.record.data
     picture = Picture.of("experiment", experiment_figure(d, data.u_name, data.y_name), caption)
+    told = values(d)
+    first = Answer(
+        f"{_determined(d.then)} of {len(told.rows)}",
+        f"values are expected to be determined by this experiment; the first record determines {_determined(d.now)}",
+        word(d),
+        f"{_to_do(result, file)}.",
+        picture,
+        values=told.only("", "now", "expected", "unit"),
+        next=f"Next, with the new record: {result.command}",
+    )
     return Page(
         "The next experiment",
         f"{', '.join(d.targets)}; designed on {result.record.path.name}",
         sentences(result, file),
         [
-            Section("Experiment", tables=[phases(d)], pictures=[picture]),
+            Section("Experiment", tables=[phases(d)]),
             *([] if d.use is None else [use_section(d, data.y_name)]),
             *([Section("On your input", [f"{capital(d.no_use)}."])] if d.no_use else []),
             Section("What it would tell", tables=[values(d)]),
         ],
         versions(),
+        answer=first,
+    )
+
+
+def _determined(values: Sequence[JointValue]) -> int:
+    """How many values a record determines."""
+    return sum(v.determined for v in distinct_values(values))
+
+
+def word(d: Design) -> Word:
+    """Good if the experiment determines all values, poor if it determines no more than the first record."""
+    now, then = _determined(d.now), _determined(d.then)
+    if then == len(distinct_values(d.then)):
+        return GOOD
+    helps = then > now or (d.use is not None and d.use.deviations[1] < d.use.deviations[0])
+    return USABLE if helps else POOR
+
+
+def _to_do(result: Proposal, file: str) -> str:
+    """What to do with the input."""
+    d = result.design
+    largest = f"{np.abs(d.u).max():.3g} {d.units[0]}".rstrip()
+    return (
+        f"Apply the input in {file} ({d.duration:.0f} s, up to {largest}) to the joint, and record input and output "
+        f"every {d.Ts:g} s"
     )
 
 
 def sentences(result: Proposal, file: str) -> list[str]:
     """What to do, and what was assumed."""
     d = result.design
-    largest = f"{np.abs(d.u).max():.3g} {d.units[0]}".rstrip()
     return [
-        f"Apply the input in {file} ({d.duration:.0f} s, up to {largest}) to the joint, and record input and output "
-        f"every {d.Ts:g} s, {_why_so_often(result)}. Then identify the new record: {result.command}.",
+        f"{_to_do(result, file)}, {_why_so_often(result)}.",
         f"The joint moves at {d.fastest * result.speed.factor:.3g} {result.speed.unit} at most, also when it meets an "
         f"end stop. To limit the speed, give --strike in the unit of the log, {result.strike_unit}.",
         *([] if d.use is None else [_use_sentence(d)]),

@@ -12,6 +12,7 @@ from sysid.base.quantities import Quantity, capital, number, percent
 from sysid.estimation.result import Fit
 from sysid.export import closed_form
 from sysid.report import figures, sections, verdict
+from sysid.report.identify_answer import answer
 from sysid.report.page import Grid, Listing, Page, Section
 from sysid.report.verdict import shapes_in_words, tests_in_words
 from sysid.selection.table import Selection
@@ -19,19 +20,18 @@ from sysid.structures import TABLE
 from sysid.workflow.identification import Identification
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
-from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation
 from sysid.workflow.saved import Exports
 
 RANKED = 12  # rows of a structure search that are shown
-BAD = 50.0  # [%] of fit in validation, below which nobody should use a model
 WARNINGS = 3  # of the advice, in the terminal
 _WEIGHT = {"warning": 0, "note": 1, "fine": 2}
 
 
-def page(result: Identification, exports: Exports) -> Page:
-    """The report on a fit to a record; `exports` lists the model files."""
-    record, e = result.record, result.evaluation
+def page(result: Identification, exports: Exports, model: str = "") -> Page:
+    """The report on a fit to a record; `exports` lists the model files, `model` is the path of the saved model."""
+    record, e, first = result.record, result.evaluation, answer(result, model)
+    first = replace(first, sentence=_with_commands(first.sentence, record), next=_with_commands(first.next, record))
     return Page(
         title=f"Identification of {' and '.join(Path(path).name for path in record.paths)}",
         subtitle=(
@@ -46,13 +46,15 @@ def page(result: Identification, exports: Exports) -> Page:
             _model(result),
             _residuals(e),
             _files(e, exports),
+            Section("Search", [sections.search_sentence(e)]),
         ],
         made_with=versions(),
+        answer=first,
     )
 
 
 def terminal_tables(result: Identification) -> list[Grid]:
-    """The tables that the command prints: the ranking of a search, criteria and poles."""
+    """The tables that the command prints below the answer: the ranking of a search, criteria and poles."""
     e = result.evaluation
     ranking = [] if result.selection is None else [ranking_grid(result)]
     criteria = sections.criteria_grid(e).only("criterion", "value")
@@ -66,9 +68,9 @@ def terminal_sentences(result: Identification) -> list[str]:
     advice = [f"Warning: {a}." for a in result.advice if a.severity == "warning"][:WARNINGS]
     search_notes = () if result.selection is None else result.selection.notes
     notes = [f"Note: {note}." for note in (*result.record.notes, *search_notes, *_notes(e))]
-    sentences = [*_no_joint(e), *selection, *_part_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
-    last = [*shapes_in_words(e), tests_in_words(e), sections.search_sentence(e), *advice, *notes]
-    return [_with_commands(text, result.record) for text in (*_bad(result), *sentences, *last, *_next(result))]
+    sentences = [*selection, *_part_sentences(e), *filter(None, [sections.undetermined_in_words(e)])]
+    last = [*shapes_in_words(e), tests_in_words(e), *advice, *notes, *sections.unfinished_search(e)]
+    return [_with_commands(text, result.record) for text in (*sentences, *last)]
 
 
 def _notes(e: Evaluation) -> list[str]:
@@ -87,28 +89,9 @@ def _with_commands(text: str, record: Record) -> str:
     return re.sub(r"\b(qpal \w+(?: --\w+ [\w,]+)*) FILE\b", with_files, text)
 
 
-def _no_joint(e: Evaluation) -> list[str]:
-    """That the record is not that of a joint."""
-    return [e.joint.sentence()] if e.joint is not None and verdict.no_joint(e) else []
-
-
 def _part_sentences(e: Evaluation) -> list[str]:
     """The parts of a joint."""
-    return [e.joint_fit.sentence()] if e.joint_fit is not None and not _no_joint(e) else []
-
-
-def _bad(result: Identification) -> list[str]:
-    """Of a model that is of no use: that it is, and why; its next command follows."""
-    e = result.evaluation
-    wrong = [note for note in e.notes if WRONG in note]
-    if result.next is None or _no_joint(e) or (e.judged_fit >= BAD and not wrong):
-        return []
-    short = f"the {e.judged} fits the validation data to {percent(e.judged_fit)}"
-    return [f"Do NOT use this model: {'; '.join([short, *wrong])}."]
-
-
-def _next(result: Identification) -> list[str]:
-    return [result.next.sentence()] if result.next else []
+    return [e.joint_fit.sentence()] if e.joint_fit is not None and not verdict.no_joint(e) else []
 
 
 def ranking_grid(result: Identification) -> Grid:
@@ -185,21 +168,10 @@ def _column(name: str) -> str:
 
 
 def _verdict(result: Identification) -> list[str]:
-    """The first sentences of the page."""
-    e = result.evaluation
+    """The result in words, with all that is to be known of it."""
     selection = [] if result.selection is None else [_search_result(result.selection)]
-    notes = [f"Note: {note}." for note in _notes(e)]
-    has_command = verdict.bad(e) or verdict.no_joint(e)  # then the first sentences end with what to do
-    opening = [] if has_command else _bad(result)
-    texts = [
-        *opening,
-        *verdict.first(result),
-        *selection,
-        sections.search_sentence(e),
-        *notes,
-        *([] if has_command else _next(result)),
-    ]
-    return [_with_commands(text, result.record) for text in texts]
+    notes = [f"Note: {note}." for note in _notes(result.evaluation)]
+    return [_with_commands(text, result.record) for text in (*verdict.first(result), *selection, *notes)]
 
 
 def _data(record: Record, e: Evaluation, plan: Plan) -> Section:
@@ -251,7 +223,7 @@ def _model(result: Identification) -> Section:
             sections.criteria_grid(e),
         ],
         pictures=figures.pictures("Model", e),
-        details=[] if _no_joint(e) else [replace(sections.parameter_grid(e), note=_deviations(e))],
+        details=[] if verdict.no_joint(e) else [replace(sections.parameter_grid(e), note=_deviations(e))],
     )
 
 

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
 
+    from sysid.report.answer import Answer
+
 PACKED = 64  # numbers; a longer list travels as the bytes of its doubles, which are exact and half as long
 DRAW = resources.files("sysid.report").joinpath("zoom.js").read_text(encoding="utf-8")
 SCRIPT = "plotly.min.js"
@@ -154,7 +156,10 @@ class Section:
 
 @dataclass(frozen=True)
 class Page:
-    """A whole report: title, subtitle, verdict, sections, and the versions that made it."""
+    """A whole report: title, subtitle, verdict, sections, and the versions that made it.
+
+    Below an `answer`, which a page shows first, the verdict and all sections are folded.
+    """
 
     title: str
     subtitle: str
@@ -162,6 +167,7 @@ class Page:
     sections: Sequence[Section] = ()
     made_with: dict[str, str] = field(default_factory=dict)
     wide: bool = False  # for tables of many columns
+    answer: "Answer | None" = None
 
     def html(self, beside: bool = False) -> str:
         """The page as one document, with plotly in it if a figure needs it; or with plotly `beside` it, as `SCRIPT`."""
@@ -170,12 +176,14 @@ class Page:
     @property
     def draws(self) -> bool:
         """Whether a figure needs plotly."""
-        return any(p.zoom is not None for p in self.pictures()) or any(section.plots for section in self.sections)
+        plots = [*(section.plots for section in self.sections), self.answer and self.answer.plot]
+        return any(picture.zoom is not None for picture in self.pictures()) or any(plots)
 
     @property
     def words(self) -> dict[str, str]:
         """The terms of the tables that the glossary explains, in order of their first use."""
         tables = [table for section in self.sections for table in (*section.tables, *section.details)]
+        tables = [*(self.answer.tables if self.answer else ()), *tables]
         cells = [cell for table in tables for cell in table.terms()]
         return {glossary.without_unit(cell): meaning for cell in cells if (meaning := glossary.meaning(cell))}
 
@@ -186,6 +194,8 @@ class Page:
 
     def pictures(self) -> Iterator[Picture]:
         """All pictures, in order."""
+        if self.answer is not None and self.answer.picture is not None:
+            yield self.answer.picture
         for section in self.sections:
             yield from section.pictures
 

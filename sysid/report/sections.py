@@ -98,7 +98,7 @@ def pole_grid(evaluation: Evaluation) -> Grid | None:
             number(abs(z), 5),
             _range_text(r.modulus if r else None),
             number(lasting, 3) if np.isfinite(lasting := time_constant(abs(z), Ts)) else "–",
-            _lasting(r),
+            time_interval(r),
         )
         for z, r in zip(evaluation.poles.tolist(), roots, strict=True)
     ]
@@ -131,7 +131,8 @@ def _range_text(interval: Interval | None, digits: int = 4) -> str:
     return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
 
 
-def _lasting(root: Root | None) -> str:
+def time_interval(root: Root | None) -> str:
+    """The interval of the time constant of a root [s]."""
     return "not known" if root is None else _range_text(root.time_constant, 3)
 
 
@@ -202,6 +203,11 @@ def search_sentence(evaluation: Evaluation) -> str:
         f"Search {s.search}{plural}{end}: {stop.reason} ({stop.iterations} iterations, {stop.evaluations} evaluations, "
         f"{evaluation.fit.seconds:.2g} s)."
     )
+
+
+def unfinished_search(evaluation: Evaluation) -> list[str]:
+    """The same of a search that did not converge; nothing of others."""
+    return [] if evaluation.fit.stop.converged else [search_sentence(evaluation)]
 
 
 def setting_in_words(evaluation: Evaluation) -> str:

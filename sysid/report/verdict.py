@@ -1,15 +1,15 @@
-"""Sentences on a fit: what it is worth, what its residuals show, and where it is bad, why and what to do about it."""
+"""Sentences on a fit: what it is worth, what its residuals show, and where its free run leaves the data."""
 
 import numpy as np
 
-from sysid.base.quantities import display_quantity, number, percent, poles
+from sysid.base.quantities import capital, display_quantity, number, percent, poles, probability
 from sysid.blocks import Polynomial
 from sysid.blocks._shape import Shape, is_named
 from sysid.diagnosis.residuals import ResidualTests, poor
 from sysid.drawing.departure import departure
 from sysid.estimation.result import Fit
 from sysid.report.bands import bands
-from sysid.report.sections import capital, model_in_words, one_step
+from sysid.report.sections import model_in_words, one_step
 from sysid.workflow.evaluation import APART, OVERFITTED
 from sysid.workflow.results import Evaluation, Identification
 
@@ -18,11 +18,11 @@ CLOSE = 90.0  # [%] fit of a free run that is close to the data
 
 
 def first(result: Identification) -> list[str]:
-    """The opening sentences: a bad result first with its reason and the next command, then the fit and its tests."""
+    """The fit and its tests, where the free run leaves the data, and what its band holds."""
     e = result.evaluation
-    opening = [_not_a_joint(result)] if no_joint(e) else [_bad(result)] if bad(e) else []
-    fits = f"{model_in_words(e)} {fits_in_words(e)}. {stability(e)} {tests_in_words(e)}"
-    return [*opening, fits, *shapes_in_words(e), *band_in_words(e)]
+    leaves = exit_sentence(e) if bad(e) and not e.growing else ""
+    fits = f"{model_in_words(e)} {fits_in_words(e)}. {leaves}{stability(e)} {tests_in_words(e)}"
+    return [fits, *shapes_in_words(e), *band_in_words(e)]
 
 
 def fits_in_words(e: Evaluation) -> str:
@@ -130,24 +130,6 @@ def stability(e: Evaluation) -> str:
     return f"{runs} Its one-step-ahead prediction, which uses all earlier outputs, has a fit of {prediction_fit}."
 
 
-def _not_a_joint(result: Identification) -> str:
-    judgement = result.evaluation.joint
-    assert judgement is not None
-    return f"{judgement.sentence()} {_what_to_do(result, why=False)}".strip()
-
-
-def _bad(result: Identification) -> str:
-    """What is wrong, why, and what to do."""
-    e = result.evaluation
-    worth = "100 % is exact, the constant mean of the output has 0 %"
-    if not e.judged_fit >= 0:
-        worth = "the constant mean of the output would be better, with 0 %"
-    return (
-        f"This model is not good enough to use: its {e.judged} has a fit of {percent(e.judged_fit)} to the output of "
-        f"the {e.part} ({worth}). {'' if e.growing else exit_sentence(e)}{_what_to_do(result)}"
-    )
-
-
 def exit_sentence(e: Evaluation) -> str:
     """Where and how far the free run leaves the validation data first; empty if it stays near them."""
     run = np.asarray(e.validation_output, dtype=float).reshape(e.validation.N, -1) + e.validation.y_offset
@@ -159,40 +141,26 @@ def exit_sentence(e: Evaluation) -> str:
     return ""
 
 
-def _what_to_do(result: Identification, why: bool = True) -> str:
-    """The reason, if `why`, and the next command or advice."""
-    if result.next is not None:
-        reason = f"Why: {result.next.why}. " if why else ""
-        return f"{reason}What to do, try: {result.next.command}"
-    notes = result.evaluation.notes
-    reason = f"Why: {notes[-1]}. " if notes and why else ""
-    actions = [a for a in result.advice if a.severity == "warning" and a.action]
-    if actions:
-        return f"{reason}What to do: {actions[0].action}. {capital(actions[0].sentence)}."
-    return (
-        f"{reason}What to do: record again with an input that shows more of the system (see the section Advice), and "
-        f"try: qpal info {result.record.path}"
-    )
-
-
 def tests_in_words(evaluation: Evaluation) -> str:
-    """Both test results, the joint test with how likely chance is."""
+    """What is left of the output, with the numbers of both tests."""
     t = evaluation.tests
     if t is None:
         return "The validation data are too short for residual tests."
-    subject = "The one-step-ahead residuals" if one_step(evaluation) else "The residuals"
-    allowed = "as chance allows" if t.white else "more or farther than chance allows"
-    lags = f" ({t.whiteness_outside} of {len(t.lags) - 1} lags outside, {allowed})"
-    chance = f" (all lags together: {_chance_text(t.independence_p)})"
-    return f"{subject} are {residuals_in_words(t, lags, chance)}.{_no_voucher(evaluation)}"
+    kind = "one-step-ahead residuals" if one_step(evaluation) else "residuals"
+    outside = f"{t.whiteness_outside} of {len(t.lags) - 1} lags outside"
+    return (
+        f"{capital(left_in_words(t))} ({kind}: {outside}; with the input, {probability(t.independence_p)})."
+        f"{_no_voucher(evaluation)}"
+    )
 
 
-def residuals_in_words(tests: ResidualTests, outside: str = "", together: str = "") -> str:
-    """Colour and dependence of residuals, each with its numbers; no "not" that could be read over both."""
-    colour = f"white{outside}" if tests.white else f"coloured{outside}"
+def left_in_words(tests: ResidualTests | None) -> str:
+    """What is left of the output; with memory where it is coloured."""
+    if tests is None:
+        return "the data are too short to test what is left"
     if tests.independent:
-        return f"{colour}{' and' if tests.white else ', but'} independent of the input{together}"
-    return f"{colour}, {'but' if tests.white else 'and'} depend on the input{together}"
+        return f"the input's effect is captured; what is left is {'noise' if tests.white else 'noise with memory'}"
+    return "what is left still depends on the input"
 
 
 def _no_voucher(evaluation: Evaluation) -> str:
@@ -205,13 +173,3 @@ def _no_voucher(evaluation: Evaluation) -> str:
         f" That does not vouch for the model: at a fit of {percent(fit)} the {' and '.join(names)} test"
         f"{'s have' if len(names) == 2 else ' has'} little power, because most of the output is left in the residuals."
     )
-
-
-def _chance_text(p: float) -> str:
-    """How often chance alone gives such correlations."""
-    return f"chance gives such correlations in {_share(p)} of records" if p >= 1e-4 else "chance does not explain it"
-
-
-def _share(p: float) -> str:
-    """A probability in percent with two digits that count."""
-    return f"{100.0 * p:.0f} %" if p >= 0.095 else f"{100.0 * p:.2g} %"

@@ -32,6 +32,7 @@
   const narrow = (layout) => {  // a phone: no room beside the axes
     layout.margin = { ...layout.margin, l: 50, r: 6 };
     layout.font = { ...layout.font, size: 10.5 };
+    layout.legend = { ...layout.legend, x: 0, xanchor: "left", y: 0, yref: "container", yanchor: "bottom" };
     stack(layout);
     layout.dragmode = layout.scene ? "orbit" : false;  // a finger scrolls the page; the mode bar zooms
   };
@@ -56,6 +57,7 @@
     draw(...found).then(() => found[0].classList.add("drawn"));
   }), { rootMargin: "600px" });
   figures.forEach(([box]) => { box.closest("figure")?.classList.add("zoomed"); seen.observe(box); });
+  addEventListener("beforeprint", () => document.querySelectorAll(".fold").forEach((part) => { part.open = true; }));
   dark.addEventListener("change", () => figures.filter(([box]) => box.classList.contains("drawn"))
     .forEach(([box, figure]) => draw(box, figure)));
 })();

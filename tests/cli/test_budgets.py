@@ -176,7 +176,8 @@ def test_a_design_and_a_fit_say_that_they_were_stopped(file, tmp_path, capsys):
     assert any("the search was stopped after 1e-09 s" in note for note in summary["notes"])
     assert main(["identify", file, "--structure", "hammerstein_wiener", "--seconds", "1e-9", *out[3:]]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "Next: the search ran out of time; try: qpal identify" in said
+    assert "the search ran out of time" in said
+    assert "Next: qpal identify" in said
     assert "--structure hammerstein_wiener --orders 2,3,1 --seconds 2e-09" in said
 
 

@@ -1,6 +1,7 @@
 """A useless model is called so in the first lines, with the next command for this record; tables are complete."""
 
 import re
+import shlex
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,18 +26,38 @@ def test_the_page_and_the_console_begin_with_what_a_bad_model_is_good_for(tmp_pa
     y = lfilter([0.0] * 20 + [0.3], [1.0, -0.7], u) + 0.01 * np.random.default_rng(1).normal(size=1200)
     np.savetxt("my log.csv", np.column_stack([u, y]), delimiter=",")
     given = ["identify", "my log.csv", "--ts", "0.1", "--structure", "output_error", "--starts", "1", "--out", "out"]
-    command = "try: qpal identify 'my log.csv' --ts 0.1 --structure output_error --orders 1,1,20"
+    command = "Next: qpal identify 'my log.csv' --ts 0.1 --structure output_error --orders 1,1,20"
     assert main([*given, "--orders", "1,1,1"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     html = re.sub(r"<[^>]+>", " ", Path("out/report.html").read_text(encoding="utf-8").replace("&#39;", "'"))
     text = " ".join(html.split())
-    assert text.index("This model is not good enough to use: its free run has a fit of") < text.index(command)
-    assert text.index(command) < text.index("has a free-run fit on the validation data")
-    assert text.count(command) == 1
-    assert out.index("Do NOT use this model") < out.index("The residuals are") < out.index(command)
+    for said in (text, out):
+        reason = said.index("Do not use this model: the output responds after 20")
+        assert said.index("poor") < reason < said.index(command)
+        assert said.index(command) < said.index("(residuals: ")
+        assert said.count(command) == 1
+    assert text.index(command) < text.index("has a free-run fit on the validation data") < text.index("Search ")
+    assert "Search " not in out  # it converged
     assert main([*given, "--orders", "1,1,20"]) == 0
-    assert "Do NOT" not in capsys.readouterr().out
-    assert "not good enough to use" not in Path("out/report.html").read_text(encoding="utf-8")
+    assert " ● good: of the validation data explained" in capsys.readouterr().out
+    html = Path("out/report.html").read_text(encoding="utf-8")
+    assert 'class="answer good"' in html
+    assert "Do not use this model" not in html
+
+
+def test_the_next_step_of_a_good_model_works(tmp_path, monkeypatch, capsys):
+    """It names the saved model, and a file in the place of FILE is run."""
+    monkeypatch.chdir(tmp_path)
+    u = np.repeat(np.random.default_rng(0).uniform(-1.0, 1.0, 150), 8)
+    y = lfilter([0.0, 0.3], [1.0, -0.7], u) + 0.01 * np.random.default_rng(1).normal(size=1200)
+    np.savetxt("log.csv", np.column_stack([u, y]), delimiter=",")
+    given = ["log.csv", "--ts", "0.1", "--structure", "output_error", "--orders", "1,1,1", "--starts", "1"]
+    assert main(["identify", *given, "--out", "a folder"]) == 0
+    (command,) = re.findall("Next, on another record: (.*)", capsys.readouterr().out)
+    words = shlex.split(command.replace("FILE", "log.csv"))
+    assert words[:2] == ["qpal", "run"]
+    assert main([*words[1:], "--ts", "0.1", "--out", "again"]) == 0
+    assert "● good" in capsys.readouterr().out
 
 
 def test_commands_in_sentences_name_this_record():

@@ -113,7 +113,9 @@ def test_where_no_model_follows_none_is_called_best(folder, monkeypatch, capsys,
     said = capsys.readouterr().out
     assert "No model follows the record" in said
     assert not [line for line in said.splitlines() if line.strip().startswith("best ")]
-    assert "Next: this model does not follow the record; fit one to it; try: qpal identify" in said
+    assert "▲ poor: " in said
+    assert "This model does not follow the record; fit one to it." in said
+    assert "Next: qpal identify" in said
 
 
 def test_a_network_that_diverges_is_told_so(folder, monkeypatch, capsys, tmp_path):

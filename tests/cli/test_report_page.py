@@ -17,7 +17,8 @@ from sysid.drawing.plotly import plotly
 from sysid.joint.values import JointValue
 from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import parts_figure, record_figure
-from sysid.report import figures, glossary, identify, page, verdict
+from sysid.report import figures, glossary, identify, identify_answer, page, verdict
+from sysid.report.answer import WORDS
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.identification import identify_file
@@ -113,7 +114,7 @@ def test_every_zoomable_figure_has_its_box_its_data_and_its_picture(read, folder
     figures = read.all("figure")
     boxes = [e.at["id"] for e in read.all("div") if e.at.get("class") == "zoom"]
     assert [e.at["data-for"] for e in read.all("script", type="application/json")] == boxes
-    assert {"zoom-data", "zoom-free-run", "zoom-pole-zero", "zoom-bode", "zoom-residuals"} <= set(boxes)
+    assert {"zoom-answer", "zoom-data", "zoom-free-run", "zoom-pole-zero", "zoom-bode", "zoom-residuals"} <= set(boxes)
     assert len(read.all("img")) == len(figures) == len(list((folder / "figures").iterdir()))
     for e in read.all("script", type="application/json"):
         assert set(json.loads(e.text)) == {"data", "layout"}
@@ -181,28 +182,91 @@ def coloured(result):
 def test_a_bad_result_says_so_first_with_the_reason_and_the_next_command(result, plain):
     step = NextStep("this model has no end stops", "qpal identify a.csv --structure actuated_joint")
     made = identify.page(bad(result, -212.0, step, tests=coloured(result)), Exports())
-    first, *rest = made.verdict
-    assert first.startswith("This model is not good enough to use")
-    assert "−212.00 %" in first
-    assert "mean of the output would be better" in first
-    assert "Why: this model has no end stops." in first
-    assert first.endswith("try: qpal identify a.csv --structure actuated_joint")
-    assert not any("actuated_joint" in sentence for sentence in rest)  # said once
+    first = made.answer
+    assert (first.number, first.word) == ("−212.00 %", "poor")
+    assert first.of == "of the validation data explained by the model's free run"
+    assert first.sentence == "Do not use this model: this model has no end stops."
+    assert first.next == "Next: qpal identify a.csv --structure actuated_joint"
+    assert not any("actuated_joint" in sentence for sentence in made.verdict)  # said once
     code = next(e for e in Reader(made.html()).all("code"))
     assert code.text == "qpal identify a.csv --structure actuated_joint"
 
 
 def test_a_bad_result_without_a_next_step_still_says_what_to_do(result):
     advice = (Advice("excitation", "the input has 2 levels", 2.0, "use more levels", "warning"),)
-    some = replace(bad(result, 20.0, tests=coloured(result)), advice=advice)
-    assert "What to do: use more levels." in verdict.first(some)[0]
+    some = replace(bad(result, -20.0, tests=coloured(result)), advice=advice)
+    assert first_of(some).sentence.endswith("its free run misses the validation data, worse than its constant mean.")
+    assert first_of(some).next == f"Next: use more levels; then qpal info {result.record.path}"
     none = replace(bad(result, 20.0, tests=coloured(result)), advice=())
-    assert verdict.first(none)[0].endswith(f"try: qpal info {result.record.path}")
+    assert first_of(none).next.startswith("Next: record again with an input that shows more of the system")
 
 
-def test_a_good_result_begins_with_its_fit(result):
-    assert result.evaluation.validation_fit > 90
-    assert verdict.first(result)[0].startswith("A Hammerstein-Wiener")
+def first_of(result):
+    """The first screen without its picture."""
+    return identify.page(result, Exports()).answer
+
+
+def test_a_good_result_says_that_noise_is_left_and_how_to_go_on(result):
+    first = identify.page(result, Exports(), "m.json").answer
+    assert first.word == "good"
+    assert float(first.number.removesuffix(" %")) > 90
+    assert first.sentence == "The input's effect is captured; what is left is noise."
+    assert first.next == "Next, on another record: qpal run m.json FILE"
+
+
+def test_the_word_is_that_of_the_rules(result, plain):
+    """Good: unseen data, nothing to try; usable: a step is left, or noise limits the fit, or no data were left."""
+    white = replace(result.evaluation.tests, autocorrelation=np.eye(26)[0], independence_p=0.5)
+    step = NextStep("the search did not converge", "qpal identify a.csv --starts 20")
+    wrong = bad(result, 99.0, notes=("the free run has the WRONG SIGN: y falls",))
+    words = [
+        (bad(result, 99.0, tests=white), "good"),
+        (bad(result, 99.0, step, tests=white), "usable"),
+        (bad(result, 40.0, tests=white), "usable"),
+        (bad(result, 99.0, unseen=False), "usable"),
+        (bad(result, 70.0, tests=coloured(result)), "poor"),
+        (wrong, "poor"),
+    ]
+    assert [identify_answer.word(each) for each, _ in words] == [word for _, word in words]
+    assert identify_answer.sentence(wrong).startswith("Do not use this model: the free run has the WRONG SIGN")
+
+
+def test_the_first_screen_has_few_words_one_picture_and_at_most_five_values(read, result):
+    """What folds stands below; the words of the search are the last."""
+    picture = read.elements.index(next(e for e in read.all("figure")))
+    texts = ["h1", "p"]
+    above = [e.text for e in read.elements[:picture] if e.tag in texts and "main" in e.within]
+    assert len(" ".join(above).split()) <= WORDS
+    (mark,) = read.all("span", **{"class": "mark"})
+    assert mark.at["class"] == "mark"
+    assert read.all("div", **{"class": "answer good"})
+    table = read.all("table")[0]
+    assert len([e for e in read.elements if e.tag == "tr" and e.text in table.text]) >= 1
+    assert 1 <= len(result_rows(result)) <= 5
+    folds = [e.text for e in read.all("h2")]
+    assert folds[0] == "In words"
+    assert folds[-1] == "Search"
+    assert all("details" in e.within for e in read.all("h2"))
+    assert read.all("nav") == []
+
+
+def result_rows(result):
+    (table,) = first_of(result).tables
+    return table.rows
+
+
+def test_the_values_of_the_first_screen_are_those_of_the_record(result):
+    """The lag of 0.85 at 0.1 s, and the gain of its map at the mean input, both with their intervals."""
+    rows = {row[0]: row[1:] for row in result_rows(result)}
+    value, interval, unit = rows["time constant"]
+    low, high = (float(text) for text in interval.split(" to "))
+    assert unit == "s"
+    assert low <= -0.1 / np.log(0.85) <= high
+    assert low <= float(value) <= high
+    gain = next(row for name, row in rows.items() if name.startswith("gain, "))
+    assert gain[2] == "deg per V"
+    mean = float(np.mean(result.evaluation.estimation.u + result.evaluation.estimation.u_offset))
+    assert np.isclose(float(gain[0]), np.degrees(0.2 / 0.15 * (1.0 + 0.6 * mean)), rtol=0.1)
 
 
 def test_a_poor_fit_that_noise_alone_limits_is_not_called_bad(result):
@@ -284,6 +348,7 @@ def browser():
 
 DRAWN = """
 const done = arguments[arguments.length - 1];
+document.querySelectorAll(".fold").forEach((part) => { part.open = true; });
 document.querySelectorAll("figure.zoomed").forEach((f) => f.scrollIntoView());
 const wait = () => document.querySelectorAll(".zoom.drawn").length === document.querySelectorAll(".zoom").length
   ? done(true) : setTimeout(wait, 50);

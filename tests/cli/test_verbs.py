@@ -225,6 +225,7 @@ def test_simulate_writes_its_log_into_out_by_default(tmp_path, monkeypatch):
         "log.csv",
         "report.html",
         "summary.json",
+        "plotly.min.js",
         "figures",
     }
     log = twin.Log.load(tmp_path / "a" / "b" / "log.csv")
@@ -244,7 +245,7 @@ def test_a_run_that_fails_while_writing_leaves_nothing(failure, existing, tmp_pa
         (tmp_path / "runs" / "mine" / "summary.json").write_text("{}")
     before = {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
 
-    def fail(page):
+    def fail(page, beside):
         raise failure
 
     monkeypatch.setattr(Page, "html", fail)  # the figures are written by then

@@ -14,7 +14,7 @@ from sysid.diagnosis.residuals import higher_order_tests
 from sysid.drawing.plotly import plotly
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.static_maps import maps_figure
-from sysid.report.verdict import residuals_in_words
+from sysid.report.verdict import left_in_words
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 from sysid.uncertainty.information import UNEXCITED
@@ -78,10 +78,10 @@ def test_a_magnitude_without_a_bound_is_infinite_and_quiet(case, monkeypatch):
 @pytest.mark.parametrize(
     ("white", "p", "words"),
     [
-        (True, 0.5, "white and independent of the input"),
-        (True, 0.0, "white, but depend on the input"),
-        (False, 0.5, "coloured, but independent of the input"),
-        (False, 0.0, "coloured, and depend on the input"),
+        (True, 0.5, "the input's effect is captured; what is left is noise"),
+        (True, 0.0, "what is left still depends on the input"),
+        (False, 0.5, "the input's effect is captured; what is left is noise with memory"),
+        (False, 0.0, "what is left still depends on the input"),
     ],
 )
 def test_residuals_are_told_in_words_that_cannot_be_read_two_ways(white, p, words):
@@ -89,7 +89,7 @@ def test_residuals_are_told_in_words_that_cannot_be_read_two_ways(white, p, word
     tests = sysid.residual_tests(rng.normal(size=500), rng.normal(size=500))
     own = np.eye(26)[0] if white else np.ones(26)
     tests = replace(tests, autocorrelation=own, independence_p=p)
-    assert residuals_in_words(tests) == words
+    assert left_in_words(tests) == words
     assert tests.verdicts[0] == ("white" if white else "coloured")
     assert tests.verdicts[1].endswith("(p = 0.5)" if p else "(p < 0.0001)")
 

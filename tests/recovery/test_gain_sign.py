@@ -11,7 +11,6 @@ from sysid import IOData
 from sysid.data.preprocess import quick_start
 from sysid.diagnosis.direction import confirmed, direction
 from sysid.diagnosis.residuals import residual_tests
-from sysid.report import verdict
 from sysid.report.verdict import tests_in_words as in_words
 from sysid.structures import Hammerstein, OutputError
 from sysid.systems import system
@@ -102,14 +101,14 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
     for given, fit, said in ((tests, -212.0, True), (tests, 40.0, False), (tests, 90.0, False)):
         words = in_words(replace(e, tests=given, validation_fit=fit))
         assert ("does not vouch for the model" in words) is said
-        assert "lags outside, as chance allows)" in words
+        assert f"(residuals: {given.whiteness_outside} of 25 lags outside; with the input, p = " in words
         assert ("−212.00 %" in words) is said
     slow = residual_tests(lfilter([1], [1, -0.95], noise(1)), noise(2))
     assert not slow.white
     assert slow.independent
     words = in_words(replace(e, tests=slow, validation_fit=30.0))
     assert "does not vouch" in words
-    assert "lags outside, more or farther than chance allows)" in words
+    assert "what is left is noise with memory (residuals: " in words
     assert "as large as the output" not in words  # which is a fit of 0 %
 
 
@@ -130,11 +129,3 @@ def test_tests_that_both_fail_need_no_voucher():
     e = mirrored(*sound())
     neither = residual_tests(lfilter([1], [1, -0.95], noise(2)), noise(2))
     assert "vouch" not in in_words(replace(e, tests=neither, validation_fit=-212.0))
-
-
-def test_a_probability_is_a_number_that_people_write():
-    assert [verdict._chance_text(p).split(" in ")[-1] for p in (1.0, 0.123, 0.012)] == [
-        "100 % of records",
-        "12 % of records",
-        "1.2 % of records",
-    ]

@@ -177,7 +177,7 @@ def test_the_console_and_the_report_say_it(capsys):
         out = " ".join(capsys.readouterr().out.split())
         html = Path("out/report.html").read_text(encoding="utf-8")
         for text in (out, re.sub("<[^>]*>", "", html)):
-            assert ("try: qpal identify log.csv" in text) is said
+            assert ("Next: qpal identify log.csv" in text) is said
             assert ("--orders 1,1,7" in text) is said
 
 

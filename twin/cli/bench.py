@@ -194,15 +194,16 @@ def report(
     from sysid.bench.methods import OURS, PEERS
     from sysid.bench.regression import compare
     from sysid.bench.table import read
-    from sysid.report import bench as page
+    from sysid.report import bench as pages
 
     rows = read(table)
     judged_methods = set(rows["method"]) - set(PEERS)
     verdict = None if against is None else compare(rows, read(against), judged_methods)
     redraw = cell_redrawer(records) if draw else None
     with run_folder(out, "bench") as (folder, scratch):
-        summary = page.write(scratch, rows, OURS, verdict, redraw, draw)
-    console.finish(folder, summary, as_json, [], [*(verdict.sentences if verdict else ()), *summary["sentences"]])
+        summary, page = pages.write(scratch, rows, OURS, verdict, redraw, draw)
+    sentences = [*(verdict.sentences if verdict else ()), *summary["sentences"]]
+    console.finish(folder, summary, as_json, [], sentences, page.answer)
     if verdict is not None and verdict.worse:
         raise typer.Exit(1)
 

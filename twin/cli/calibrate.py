@@ -124,16 +124,15 @@ def calibrate(
         result = replace(result, provenance={**result.provenance, "command": command})
         target = folder / f"{joint}.toml"
         summary = {"file": str(target), **result.as_dict()}
-        write(scratch, report.page(result), summary)
+        use = f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
+        if result.typical:
+            own = folder / advice.file_of_log(result, 0)
+            use = f"Next, each log has a file: qpal compare {shlex.quote(files[0])} --joint {joint} --params {own}"
+        page = report.page(result, result.next_step() or report.next_step(result) or use)
+        write(scratch, page, summary)
         advice.write(result, scratch / target.name)
-    sentences = [*report.sentences(result), *report.undetermined_sentences(result), f"Parameters: {target}"]
-    use = f"Next: qpal simulate --joint {joint} --params {target}, or qpal compare LOG --params {target}"
-    if result.typical:
-        own = folder / advice.file_of_log(result, 0)
-        use = f"Next, each log has a file: qpal compare {shlex.quote(files[0])} --joint {joint} --params {own}"
-    next_step = advice.next_step(result) or use
-    sentences += [] if result.differing else [next_step]  # a value that differs between logs comes first
-    console.finish(folder, summary, as_json, report.tables(result), sentences)
+    sentences = [*page.verdict, *report.undetermined_sentences(result), f"Parameters: {target}"]
+    console.finish(folder, summary, as_json, report.tables(result), sentences, page.answer)
     return 0 if result.converged and not advice.useless(result) else 1
 
 
@@ -172,7 +171,7 @@ def _robot(
         written = writing.write(result, scratch)
         next_step = advice.next_step(result, files, held_out, rest, seed, folder)
         summary = {"files": [str(folder / name) for name in written], "next": next_step, **result.as_dict()}
-        write(scratch, report.page(result, next_step), summary)
-    verdict, *others = report.sentences(result)
-    console.finish(folder, summary, as_json, report.tables(result), [*others, next_step], verdict)
+        page = report.page(result, next_step)
+        write(scratch, page, summary)
+    console.finish(folder, summary, as_json, report.tables(result), page.verdict, page.answer)
     return 0 if result.optimum.stop.converged and result.usable else 1

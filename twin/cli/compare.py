@@ -107,10 +107,10 @@ def compare(
         step("drawing")
         options_text = "".join(f" {name} {value}" for name, value in (("--map", map), ("--params", params)) if value)
         command = f"{file}{options_text}"  # the next command reads the log in the same way
-        write(scratch, report.page(result, command), {"file": file, **result.as_dict()})
-    console.finish(
-        folder, {"file": file, **result.as_dict()}, as_json, report.tables(result), report.sentences(result, command)
-    )
+        page, summary = report.page(result, command), {"file": file, **result.as_dict()}
+        write(scratch, page, summary)
+    sentences = [text for text in page.verdict if not text.startswith("Next:")]  # the answer has it
+    console.finish(folder, summary, as_json, report.tables(result), sentences, page.answer)
 
 
 def _with_robot(
@@ -138,9 +138,9 @@ def _with_robot(
         step("drawing")
         following = advice.after_comparison(result, file, options.of_robot(model, actuator, input, output, map))
         summary = {"file": file, "next": following, **result.as_dict()}
-        write(scratch, report.page(result, following), summary)
-    verdict, *others = report.sentences(result)
-    console.finish(folder, summary, as_json, report.tables(result), [*others, following], verdict)
+        page = report.page(result, following)
+        write(scratch, page, summary)
+    console.finish(folder, summary, as_json, report.tables(result), page.verdict, page.answer)
 
 
 def _check_options(against: str | None, align: str, *of_twin: str | None) -> None:

@@ -10,6 +10,7 @@ from threading import Event, Thread
 from typing import Any
 
 from sysid.base.errors import readable
+from sysid.report.answer import Answer
 from sysid.report.page import Grid, to_json
 from twin.cli.environment import raw, say
 from twin.cli.results import is_written
@@ -260,9 +261,9 @@ def finish(
     as_json: bool,
     grids: Sequence[Grid],
     sentences: Sequence[str],
-    verdict: str = "",
+    answer: Answer | None = None,
 ) -> None:
-    """The end of a verb: only the summary, or the verdict, tables, sentences and the path of the report."""
+    """The end of a verb: only the summary, or the answer, then tables, sentences and the path of the report."""
     if as_json:
         show_json(summary)
         return
@@ -276,8 +277,13 @@ def finish(
         else:
             print(sentence)
 
-    if verdict:
-        say(verdict)
+    if answer is not None:
+        for line in answer.lines:
+            say(line)
+        for grid in answer.tables:
+            show(grid)
+        if answer.next:
+            say(answer.next)
     for grid in grids:
         show(grid)
     for sentence in sentences:

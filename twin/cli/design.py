@@ -88,5 +88,7 @@ def design(
         step("drawing")
         write_input(result, scratch / "design.csv")
         target = str(folder / "design.csv")
-        write(scratch, report.page(result, target), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result, target))
+        page = report.page(result, target)
+        write(scratch, page, result.as_dict())
+    tables, sentences = report.tables(result), report.sentences(result, target)[1:]  # the answer says the first
+    console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)

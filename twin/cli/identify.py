@@ -1,5 +1,6 @@
 """`qpal identify`: fit a model to recorded files."""
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -106,7 +107,7 @@ def identify(
     from sysid.report.page import write
     from sysid.workflow.identification import identify_file
     from sysid.workflow.plan import paths_from
-    from sysid.workflow.saved import export
+    from sysid.workflow.saved import MODEL_FILE, export
 
     preparation = Preparation(missing=missing, resample=resample, filter=options.band(filter))
     with (
@@ -142,8 +143,10 @@ def identify(
         )
         step("drawing")
         exports = export(result.evaluation, scratch)
-        write(scratch, report.page(result, exports), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.terminal_tables(result), report.terminal_sentences(result))
+        page = report.page(result, exports, shlex.quote(str(folder / MODEL_FILE[0])))
+        write(scratch, page, result.as_dict())
+    tables, sentences = report.terminal_tables(result), report.terminal_sentences(result)
+    console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)
 
 
 def _detrend(detrend: str | None, zero: str | None) -> str | None:

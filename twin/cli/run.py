@@ -1,5 +1,6 @@
 """`qpal run`: one or several saved models on a record."""
 
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -54,6 +55,7 @@ def run(
     if horizon is not None and len(models) > 1:
         raise InputError(f"--horizon is given with {len(models)} models; give it with one, or leave it out")
     from sysid.report import saved_models as report
+    from sysid.report import saved_models_parts as parts
     from sysid.report.page import write
     from sysid.workflow.model_run import run_file, run_models, write_outputs
     from sysid.workflow.saved import Reading, check_order
@@ -62,16 +64,18 @@ def run(
     window = options.time_range(range)
     reading = Reading(file, input, output, ts, time, time_unit, map, window, detrend, resample)
     result: Any
-    views: Any = (report.run_page, report.run_tables, report.run_sentences)
+    views: Any = (report.run_page, parts.run_tables, report.run_sentences)
     with run_folder(out, "run") as (folder, scratch), console.progress(3) as step:
         step(f"reading {file}")
         if len(models) > 1:
             result = run_models(models, reading)
-            views = (report.models_page, report.models_tables, report.models_sentences)
+            views = (report.models_page, parts.models_tables, report.models_sentences)
         else:
             result = run_file(models[0], reading, horizon, lambda: step("running the model"))
             write_outputs(result, scratch / "simulated.csv")
         step("drawing")
-        page, tables, sentences = views
-        write(scratch, page(result), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, tables(result), sentences(result))
+        make_page, tables, sentences = views
+        page = make_page(result)
+        write(scratch, page, result.as_dict())
+    answer = replace(page.answer, values=None)  # the table below has all models or outputs
+    console.finish(folder, result.as_dict(), as_json, tables(result), sentences(result), answer)

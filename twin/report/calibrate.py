@@ -1,5 +1,6 @@
 """The report of `qpal calibrate`: twin and logs before and after, values with intervals, and what is left over."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -12,19 +13,22 @@ from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.drawing.figure import Axis, Band, Figure, Line, Panel, Points
 from sysid.plots.free_runs import runs_figure
+from sysid.report.answer import short
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.calibrate import advice
 from twin.calibrate.discrepancy import directions
 from twin.calibrate.result import Calibration, Run, Score
 from twin.report import agreement, leg
+from twin.report.calibrate_answer import answer, judged_run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-def page(result: Calibration) -> Page:
-    """The report on one calibration."""
-    overlays = [Picture.of(f"overlay-{k}", overlay_figure(run), _caption(run)) for k, run in enumerate(result.runs, 1)]
+def page(result: Calibration, next_step: str = "") -> Page:
+    """The report on one calibration; `next_step` is the sentence on what to do then."""
+    first = answer(result, _picture(result, judged_run(result), short), next_step)
+    others = [_picture(result, k) for k in range(len(result.runs)) if k != judged_run(result)]
     correlations = Picture("correlation", style.png(correlation(result)), _CORRELATION)
     residual_pictures = [
         Picture.of("residuals", residuals_figure(result), _RESIDUALS),
@@ -35,14 +39,22 @@ def page(result: Calibration) -> Page:
         subtitle=f"{len(result.values)} parameters from {', '.join(result.provenance['logs'])}",
         verdict=sentences(result),
         sections=[
-            Section("Twin and logs", tables=[scores(result)], pictures=[*overlays, _leg(result)]),
+            Section("Twin and logs", tables=[scores(result)], pictures=[*others, _leg(result)]),
             Section("Parameters", [_INTERVALS], tables=[values(result)], pictures=[correlations]),
             *agreement.section(result),
             Section("What the logs tell", undetermined_sentences(result), details=[_identifiability(result)]),
             Section("What is left over", [_LEFT], pictures=residual_pictures),
+            Section("Search", [search_sentence(result)]),
         ],
         made_with=versions(),
+        answer=first,
     )
+
+
+def _picture(result: Calibration, k: int, fitted: Callable[[Figure], Figure] = lambda figure: figure) -> Picture:
+    """The log of a run with both twins."""
+    run = result.runs[k]
+    return Picture.of(f"overlay-{k + 1}", fitted(overlay_figure(run)), _caption(run))
 
 
 _OVERLAY = "{} ({}): log, twin before and twin calibrated in free run, and the two errors."
@@ -66,15 +78,10 @@ _ONE_LEG = "The values below take the logs for those of one leg: use them after 
 
 def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
-    end = "converged after" if result.converged else "did not converge after"
-    end = "made" if result.found.late else end  # its reason is that it was stopped
     runs = agreement.sentences(result)
-    texts = [
-        *([*runs[:-1], _ONE_LEG, runs[-1]] if result.differing else advice.sentences(result)),
-        f"The search {end} {result.found.stop.iterations} iterations: {result.reason}.",
-    ]
-    if result.next_step():
-        texts.append(result.next_step())
+    texts = [*([*runs[:-1], _ONE_LEG] if result.differing else advice.sentences(result))]
+    if not result.converged:
+        texts.append(search_sentence(result))
     if result.found.descents > 1:
         texts.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
     for score in result.scores:
@@ -84,6 +91,18 @@ def sentences(result: Calibration) -> list[str]:
             + ("" if score.inside is None else f" The 95 % band holds {100 * score.inside:.0f} % of its samples.")
         )
     return texts if result.differing else texts + runs
+
+
+def next_step(result: Calibration) -> str:
+    """A value for each log where they differ, else what to do about values that are not determined; empty if none."""
+    return agreement.sentences(result)[-1] if result.differing else advice.next_step(result)
+
+
+def search_sentence(result: Calibration) -> str:
+    """How the search ended."""
+    end = "converged after" if result.converged else "did not converge after"
+    end = "made" if result.found.late else end  # its reason is that it was stopped
+    return f"The search {end} {result.found.stop.iterations} iterations: {result.reason}."
 
 
 def _caption(run: Run) -> str:

@@ -8,17 +8,18 @@ from sysid.base.quantities import display_quantity, number
 from sysid.diagnosis.residuals import ResidualTests
 from sysid.joint.values import WORDS as JOINT_WORDS
 from sysid.plots.residual_tests import residuals_figure
+from sysid.report.answer import short
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import NOT_KNOWN, decimals, fixed_point, value_cells
+from sysid.report.sections import value_cells
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import Comparison
 from twin.compare.departure import DEFINITIONS
-from twin.compare.intervals import Value
 from twin.compare.joints import EFFECTS, Pair
 from twin.compare.structures import CAUSES
 from twin.compare.verdict import WORTH, Verdict
 from twin.report import compare_figures as figures
 from twin.report import leg
+from twin.report.compare_answer import alignment_rows, answer
 from twin.report.compare_words import (
     SMALLEST,
     UNKNOWN,
@@ -33,20 +34,22 @@ from twin.report.compare_words import (
 
 def page(result: Comparison, file: str) -> Page:
     """The report on one comparison."""
+    words = sentences(result, file)
+    overlay = Picture.of("overlay", short(figures.overlay_figure(result)), _overlay_caption(result))
     return Page(
         title=f"The {result.joint} beside {result.label}",
         subtitle=f"{file}, {len(result.y)} samples, Ts {result.Ts:g} s",
-        verdict=sentences(result, file),
+        verdict=words,
         sections=list(_sections(result)),
         made_with=versions(),
+        answer=answer(result, overlay, words),
     )
 
 
 def _sections(result: Comparison) -> Iterator[Section]:
     """The sections of the page, of which the twin alone has all."""
-    overlay = Picture.of("overlay", figures.overlay_figure(result), _overlay_caption(result))
     regimes = Picture.of("regimes", figures.regimes_figure(result), _regime_caption(result))
-    yield Section("Record", pictures=[overlay, regimes, _leg(result)], tables=[regime_table(result)])
+    yield Section("Record", pictures=[regimes, _leg(result)], tables=[regime_table(result)])
     if result.verdict is not None and result.verdict.chance:
         yield Section("Physical effects", [_METHOD, _without_effect(result.verdict)])
     elif result.verdict is not None:
@@ -120,27 +123,11 @@ def regime_table(result: Comparison) -> Grid:
 
 def alignment_table(alignment: Alignment) -> Grid:
     """Delay, gear and offset with their intervals."""
-    rows = [
-        (name, *_aligned(value, factor), unit)
-        for name, value, factor, unit in (
-            ("delay of the log", alignment.delay, 1e3, "ms"),
-            ("gear (slope)", alignment.gear, 1.0, ""),
-            ("offset (angle zero)", alignment.offset, display_quantity("", "rad").factor, "deg"),
-        )
-    ]
     note = (
         "On legs that differ from the twin in nine values at once these intervals held the true value 17 times of 21."
     )
-    return Grid(("log over twin", "value", "95 % interval", "unit"), rows, last_text=True, note=note)
-
-
-def _aligned(value: Value, factor: float) -> tuple[str, str]:
-    """A value and its interval, with the digits that the interval means."""
-    if value.low is None or value.high is None:
-        return number(factor * value.value, 4), NOT_KNOWN
-    digits = decimals(factor * (value.high - value.low))
-    shown, low, high = (fixed_point(factor * x, digits) for x in (value.value, value.low, value.high))
-    return shown, f"{low} to {high}"
+    headings = ("log over twin", "value", "95 % interval", "unit")
+    return Grid(headings, alignment_rows(alignment), last_text=True, note=note)
 
 
 def effect_table(verdict: Verdict) -> Grid:
@@ -196,9 +183,8 @@ def pair_row(pair: Pair) -> tuple[str, ...]:
 
 def _overlay_caption(result: Comparison) -> str:
     return (
-        f"(a) The log and {result.label} under the same input; (b) log less {result.label}; (c) the input. "
-        f"What to see: errors outside the band, twice the noise of the log ({deg(result.noise)}). The error is "
-        f"{deg(result.rms)} RMS."
+        f"The log and {result.label} under the same input; below, log less {result.label}. What to see: errors outside "
+        f"the band, twice the noise of the log ({deg(result.noise)})."
     )
 
 

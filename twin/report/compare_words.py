@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from sysid.base.quantities import capital, display_quantity, number, percent
 from sysid.joint.values import JointValue
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
+from twin.compare.departure import Repeat
 from twin.compare.effects import Effect
 from twin.compare.intervals import Value
 from twin.compare.structures import CAUSES, STRUCTURES
@@ -179,10 +180,15 @@ def _of_repeat(result: Comparison) -> list[str]:
         f"Noise of both logs alone makes a spread of {deg(repeat.by_noise)}: "
         + (
             "the experiment repeats within noise."
-            if repeat.spread <= 1.2 * repeat.by_noise
+            if repeats(repeat)
             else "the rest is what a model of this joint cannot predict."
         ),
     ]
+
+
+def repeats(repeat: Repeat) -> bool:
+    """Whether two logs of one input differ, about their trend, by no more than noise: a spread near to it counts."""
+    return repeat.spread <= 1.2 * repeat.by_noise
 
 
 def deg(angle: float) -> str:

@@ -7,9 +7,10 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, number, percent
 from sysid.drawing.figure import Axis, Figure, Line, Panel
 from sysid.plots.free_runs import over_panel
+from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
 from twin.mjcf.writing import file_name
@@ -35,17 +36,54 @@ def page(result: RobotCalibration, next_step: str) -> Page:
         Picture.of(f"joint-{k}", figure(runs), _SEE.format(runs[0].drive, _beside(runs)))
         for k, runs in enumerate(_by_drive(result), 1)
     ]
-    first, *rest = sentences(result)
+    run, drives = _judged(result), [drive.name for drive in result.robot.drives]
+    picture = pictures.pop(drives.index(run.drive))
     return Page(
         title=f"Calibration of {result.robot.path.name}",
         subtitle=f"{len(result.values)} parameters of {len(result.robot.drives)} joint(s)",
-        verdict=[first],
+        verdict=sentences(result),
         sections=[
-            Section("What was found", [*rest, next_step], tables=[values(result)]),
+            Section("Values", tables=[values(result)]),
             Section("Model and logs", tables=[scores(result)], pictures=pictures),
         ],
         made_with=versions(),
+        answer=Answer(
+            percent(run.fit("after")),
+            f"of {run.log} ({HELD if run.held_out else USED}) explained at {run.drive}; "
+            f"{percent(run.fit('before'))} before",
+            word(result),
+            _sentence(result),
+            picture,
+            values=values(result).only("parameter", "unit", "calibrated", f"{100 * LEVEL:g} % interval"),
+            next=next_step,
+        ),
     )
+
+
+def _judged(result: RobotCalibration) -> Run:
+    """The run that judges: of those that were held out the one that fell most, else the worst."""
+    unseen = [run for run in result.runs if run.held_out]
+    if result.worse:
+        return max(result.worse, key=lambda run: run.rms("after") / run.rms("before"))
+    return min(unseen or result.runs, key=lambda run: run.fit("after"))
+
+
+def word(result: RobotCalibration) -> Word:
+    """Poor if the model may not be used; good if a held-out log judged it and nothing is open or lacking."""
+    if not result.usable or not result.optimum.stop.converged:
+        return POOR
+    is_open = any(not value.determined for value in result.values) or result.lacking is not None
+    return USABLE if is_open or not _judged(result).held_out else GOOD
+
+
+def _sentence(result: RobotCalibration) -> str:
+    """Why the word."""
+    count, run = f"{len(result.determined)} of {len(result.values)} values are determined", _judged(result)
+    if result.worse:
+        return f"Do not use the calibrated model: {_fall(run)}."
+    if not result.determined:
+        return "These logs determine none of the values, so the model stays as it is."
+    return f"{count}; {_fall(run)}."
 
 
 def _beside(runs: Sequence[Run]) -> str:
@@ -119,7 +157,7 @@ def _verdict(result: RobotCalibration) -> str:
     if not result.determined:
         return "These logs determine none of the values, so the model stays as it is."
     unseen = [run for run in result.runs if run.held_out]
-    run = min(unseen or result.runs, key=lambda run: run.fit("after"))
+    run = _judged(result)
     kind = "which was held out" if unseen else "which was used; give another kind of log with --hold-out to judge it"
     worst = "" if len(result.robot.drives) == 1 else " at the worst joint"
     return f"{count}, and{worst} {_fall(run)} on {run.log} ({run.drive}), {kind}."

@@ -7,6 +7,7 @@ from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity, number
 from sysid.drawing.figure import Axis, Bars, Figure, Panel
+from sysid.report.answer import GOOD, POOR, USABLE, Answer
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.compare.verdict import WORTH
 from twin.mjcf.calibration import LACKING
@@ -24,7 +25,6 @@ _METHOD = (
 
 def page(result: RobotComparison, next_step: str) -> Page:
     """The report on one comparison; `next_step` is the sentence on what to do then."""
-    first, *rest = sentences(result)
     names = ("model as it is", f"with {_words(_shown(result))}" if result.chain else "")
     pictures = []
     for k, run in enumerate(result.runs, 1):
@@ -34,18 +34,39 @@ def page(result: RobotComparison, next_step: str) -> Page:
         pictures.append(Picture.of(f"joint-{k}", drawn, _caption(result, run.drive)))
     causes = [] if result.nothing else [Picture.of("kinds", bars(result), _bars_caption(result))]
     tables_of_causes = [] if result.nothing else [kinds(result), *values(result)]
+    worst = max(result.departures, key=lambda each: each.share)
+    picture = pictures.pop([run.drive for run in result.runs].index(worst.drive))
     return Page(
         title=f"{result.runs[0].log} beside {result.robot.path.name}",
         subtitle=f"{', '.join(run.drive for run in result.runs)}, {len(result.runs[0].y)} samples, "
         f"Ts {result.runs[0].Ts:g} s",
-        verdict=[first],
+        verdict=sentences(result),
         sections=[
-            Section("What was found", [*rest, next_step], tables=[departures(result)]),
-            Section("Model and log", pictures=pictures),
+            Section("Model and log", tables=[departures(result)], pictures=pictures),
             Section("Kinds of parameters", [_METHOD], tables=tables_of_causes, pictures=causes),
         ],
         made_with=versions(),
+        answer=Answer(
+            _size(worst.rms, worst.unit),
+            f"RMS from the log to the model at {worst.drive}; noise of the log {_size(worst.noise, worst.unit)}",
+            GOOD if result.nothing else USABLE if result.known else POOR,
+            _sentence(result),
+            picture,
+            values=next(iter(values(result)), None) if not result.nothing else None,
+            next=next_step,
+        ),
     )
+
+
+def _sentence(result: RobotComparison) -> str:
+    """The verdict without its numbers."""
+    if result.nothing:
+        return "No departure that matters: no kind of parameter improves the fit by more than chance."
+    if not result.known:
+        return f"The robot does something that {result.robot.path.name} lacks: no kind of parameter explains it."
+    causes = result.chain[-1]
+    verb = "explains" if len(causes.kinds) == 1 else "explain"
+    return f"{capital(_words(causes.kinds))} {verb} {share_text(causes.share)} of the departure."
 
 
 def sentences(result: RobotComparison) -> list[str]:

@@ -1,0 +1,144 @@
+"""The first screen of `qpal identify`: how much of unseen data the model explains, and what to do next."""
+
+import numpy as np
+
+from sysid.base.poles import Motion
+from sysid.base.quantities import capital, number, percent
+from sysid.diagnosis import residuals
+from sysid.drawing.figure import Figure
+from sysid.joint.values import distinct_values
+from sysid.plots.free_runs import runs_figure
+from sysid.report import figures, sections, verdict
+from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
+from sysid.report.bands import bands
+from sysid.report.page import Grid, Picture
+from sysid.workflow.remarks import WRONG
+from sysid.workflow.results import Evaluation, Identification
+
+SLOWEST = 3  # time constants
+
+
+def answer(result: Identification, model: str = "") -> Answer:
+    """The first screen; `model` is the saved model as a command names it."""
+    e = result.evaluation
+    return Answer(
+        percent(e.judged_fit),
+        f"of the {e.part} explained by the model's {e.judged}",
+        word(result),
+        sentence(result),
+        Picture.of("answer", run_figure(e), _caption(e)),
+        values=values(e),
+        next=following(result, model),
+    )
+
+
+def word(result: Identification) -> Word:
+    """Poor as `verdict.bad` and the model's sign say; good on unseen data if nothing is left to try."""
+    e = result.evaluation
+    if verdict.no_joint(e) or verdict.bad(e) or _wrong(e):
+        return POOR
+    is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR
+    return GOOD if is_done else USABLE
+
+
+def _wrong(e: Evaluation) -> list[str]:
+    """The notes on a model that goes against its record."""
+    return [note for note in e.notes if WRONG in note]
+
+
+def sentence(result: Identification) -> str:
+    """Why the word: of a model that is not good, what is wrong with it; else what is left."""
+    e, wrong = result.evaluation, _wrong(result.evaluation)
+    if verdict.no_joint(e) and e.joint is not None:
+        return e.joint.sentence()
+    if wrong:
+        return f"Do not use this model: {wrong[0].partition(';')[0]}."
+    if verdict.bad(e):
+        return f"Do not use this model: {_reason(result)}."
+    if not e.unseen:
+        return "All of the record was used for the fit, so no fit to unseen data is known."
+    left = verdict.left_in_words(e.tests)
+    return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
+
+
+def _reason(result: Identification) -> str:
+    """Why a model is bad, in a few words."""
+    e = result.evaluation
+    if result.next is not None:
+        return result.next.why
+    worse = "" if e.judged_fit >= 0 else ", worse than its constant mean"
+    return f"its {e.judged} misses the {e.part}{worse}"
+
+
+def following(result: Identification, model: str = "") -> str:
+    """The next step: a command, or what to record."""
+    if result.next is not None:
+        return f"Next: {result.next.command}"
+    if word(result) == POOR:
+        actions = [a.action for a in result.advice if a.severity == "warning" and a.action]
+        todo = actions[0] if actions else "record again with an input that shows more of the system"
+        return f"Next: {todo}; then qpal info {result.record.path}"
+    return f"Next, on another record: qpal run {model} FILE" if model else ""
+
+
+def run_figure(e: Evaluation) -> Figure:
+    """The data that the model is judged by with its run over them, and below what is left of each output."""
+    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
+    name = "free run"
+    if e.growing is not None and e.one_step is not None:
+        run = e.one_step.validation_output if e.unseen else e.one_step.estimation_output
+        name = "prediction one step ahead"
+    figure = runs_figure(data, {name: run})
+    return short(figure, data.y.shape[1])
+
+
+def _caption(e: Evaluation) -> str:
+    seen = "The validation data, which the fit has not seen" if e.unseen else "The record that was fitted"
+    return f"{seen}: measured and model; below, what is left. What to see: errors that look like noise."
+
+
+def values(e: Evaluation) -> Grid:
+    """What people want of a model, with intervals: of a joint its values, of a linear block gain and time constants."""
+    rows = [*_physical(e), *([] if e.values else [*_gain(e), *_lasting(e)]), *_errors(e)]
+    interval = f"95 % interval{', too narrow' if verdict.too_narrow(e) else ''}"
+    return Grid(("", "value", interval, "unit"), rows, last_text=True)
+
+
+def _physical(e: Evaluation) -> list[tuple[str, ...]]:
+    known = [v for v in distinct_values(e.values) if v.determined and v.low is not None]
+    return [(sections.WORDS.get(v.name, v.name), *sections.value_cells(v)) for v in known]
+
+
+def _gain(e: Evaluation) -> list[tuple[str, ...]]:
+    """The step response at its end, where it settles and its unit is known."""
+    step = bands(e).step if not e.outputs and e.linear and e.stable else None
+    if step is None:
+        return []
+    u, y = figures.signals(e)
+    q = y.per(u)
+    low, high = q.factor * step.lower[-1], q.factor * step.upper[-1]
+    interval = f"{number(low)} to {number(high)}" if np.isfinite(high - low) else sections.NOT_KNOWN
+    return [(f"gain, {step.x[-1]:.3g} s after a step", number(q.factor * float(step.value[-1])), interval, q.unit)]
+
+
+def _lasting(e: Evaluation) -> list[tuple[str, ...]]:
+    """The slowest time constants that are determined, of a pair of poles one; a pole that alternates has none."""
+    if e.motion != Motion.STABLE:
+        return []
+    roots = [r for r in e.roots or () if r.value.imag >= 0 < r.value.real and 0 < r.time_constant.std < np.inf]
+    roots = sorted((r for r in roots if r.time_constant.upper < np.inf), key=lambda r: -r.time_constant.value)
+    rows = [(number(r.time_constant.value, 3), sections.time_interval(r)) for r in roots[:SLOWEST]]
+    return [("time constant", *row, "s") for row in rows]
+
+
+def _errors(e: Evaluation) -> list[tuple[str, ...]]:
+    """The mean error of each output in its unit."""
+    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
+    error = np.where(data.observed, data.y - np.reshape(run, data.y.shape), np.nan)[e.fit.n_init :]
+    shown, rows = e.outputs or [None], list[tuple[str, ...]]()
+    for k, output in enumerate(shown):
+        q = figures.signals(e)[1] if output is None else figures.display_quantity(output.name, output.unit)
+        with np.errstate(over="ignore", invalid="ignore"):
+            rms = float(np.sqrt(np.nanmean(error[:, k] ** 2)))
+        rows.append((f"error of {q.name}, RMS", number(q.factor * rms, 3), "–", q.unit))
+    return rows
