@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from sysid.drawing.figure import Figure
-from sysid.report.page import Grid, Picture
+from sysid.report.pieces import Grid, Picture
 
 Word = Literal["good", "usable", "poor"]
 GOOD, USABLE, POOR = Word.__args__  # type: ignore[attr-defined]

@@ -187,9 +187,11 @@ def test_a_poor_fit_begins_with_a_warning_and_the_call_to_try(data, fit, linear)
     assert "the search did not converge; go on with fit.refine(" in str(stopped).partition("sampling")[0]
     reason = stopped.stop.reason
     stopped = replace(stopped, warnings=(f"the search did not converge: {reason}", "something else"))
-    words = " ".join(identify.page(identified(stopped, data, None), Exports()).verdict)
+    made = identify.page(identified(stopped, data, None), Exports())
+    words = " ".join([*made.verdict, *made.sections[-1].paragraphs])  # the words of the search are the last
     assert words.count(reason) == words.count("something else") == 1
-    assert f"which did not converge: {reason}" in words
+    assert f"which did not converge: {reason}" in made.sections[-1].paragraphs[0]
+    assert "did not converge" in made.answer.sentence
 
 
 def test_noise_alone_is_no_reason_for_a_warning():
