@@ -194,7 +194,7 @@ def _start_evidence(count: int, share: float, way: str) -> ValueEvidence:
             False, f"{sentence} contradict the model: record rising pulses from rest ({PULSES})", counts
         )
     if share > _BREAKAWAY_PRECISION:
-        leave = f"{sentence} leave it uncertain by {100.0 * share:.0f} % of the friction"
+        leave = f"{sentence} leave it uncertain by ±{100.0 * share:.0f} %"
         return ValueEvidence(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
     return ValueEvidence(True, sentence, counts)
 
@@ -205,8 +205,8 @@ def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidenc
         reason = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
         return ValueEvidence(False, f"{reason} changes sides (qpal design --for backlash FILE)", counts)
     if not std <= _BACKLASH_PRECISION:
-        size = f"{100 * std:.0f} % of it" if std < 10.0 else "larger than itself"
-        reason = f"its standard uncertainty is {size}: what the link does on its way across looks like lag and friction"
+        size = f"±{100 * std:.0f} %" if std < 10.0 else "more than itself"
+        reason = f"uncertain by {size}, as what the link does on its way across looks like lag and friction"
         return ValueEvidence(
             False, f"{reason}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
         )

@@ -282,12 +282,8 @@ def _check_precision(
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
     if not std > _LARGEST_DEVIATION * least:
         return row
-    reason = (
-        f"its standard uncertainty is {100.0 * std / max(least, 1e-300):.0f} % of {'the friction' if volts else 'it'}"
-    )
-    disagreement = ", since halves of the record give other values" if spread.apart(read) >= std else ""
-    reason = f"{reason}{disagreement}: the model misses part of what the joint does (qpal design FILE)"
-    return ValueEvidence(False, f"{reason}; {row.why}" if row.why else reason, row.counts)
+    reason = f"uncertain by ±{100.0 * std / max(least, 1e-300):.0f} %{f', {row.why}' if row.why else ''}"
+    return ValueEvidence(False, f"{reason}: record the next experiment (qpal design FILE)", row.counts)
 
 
 def _sum(a: Reading, b: Reading) -> Reading:

@@ -176,4 +176,5 @@ def criteria_in_words(fit: Fit | NlarxFit) -> str:
 
 def search_in_words(fit: Fit | NlarxFit) -> str:
     """How the search ended, and its effort."""
-    return f"{fit.search}: {fit.stop.reason} ({fit.stop.iterations} iterations, {fit.seconds:.2g} s)"
+    end = "converged" if fit.stop.converged else fit.stop.reason
+    return f"{fit.search}: {end} ({fit.stop.iterations} iterations, {fit.seconds:.2g} s)"

@@ -198,9 +198,9 @@ def search_sentence(evaluation: Evaluation) -> str:
     """The stopping reason and effort of the search."""
     stop, s = evaluation.fit.stop, evaluation.setting
     plural = "" if s.starts == 1 else f" from the best of {s.starts} starts"
-    end = "" if stop.converged else ", which did not converge"
+    end = " converged" if stop.converged else f", which did not converge: {stop.reason}"
     return (
-        f"Search {s.search}{plural}{end}: {stop.reason} ({stop.iterations} iterations, {stop.evaluations} evaluations, "
+        f"Search {s.search}{plural}{end} ({stop.iterations} iterations, {stop.evaluations} evaluations, "
         f"{evaluation.fit.seconds:.2g} s)."
     )
 

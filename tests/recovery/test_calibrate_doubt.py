@@ -10,9 +10,10 @@ import twin
 from twin.calibrate import advice
 from twin.calibrate.calibration import _moved_sentence
 from twin.calibrate.problem import Free
-from twin.calibrate.result import Value
+from twin.calibrate.result import Score, Value
 from twin.cli import main
 from twin.report import calibrate as report
+from twin.report import calibrate_answer
 
 SURE = Value("thigh.no_load_speed", "m/s", 0.0144, 0.0144, 0.0148, 0.0146, 0.0150, 0.9)
 WIDE = Value("thigh.coulomb", "N", 30.0, 30.0, 17.9, 0.0, 203.6, 0.1)  # 10 N off is plausible
@@ -57,12 +58,30 @@ def test_why_a_value_is_not_determined(value, words):
 
 
 def test_the_first_sentence_says_what_not_to_use():
-    first, second, *_ = report.sentences(result(SURE, WIDE, EDGE))
+    first, *rest = report.sentences(result(SURE, WIDE, EDGE))
     assert first.startswith("These logs do not determine all: thigh.coulomb (anything")
     assert first.endswith("So do not use the file for these.")
-    assert second.startswith("The search converged")
+    assert not any("search" in text for text in rest)  # it converged; its words are the last of the page
     assert report.sentences(result(WIDE))[0].endswith("So do not use the file.")
-    assert report.sentences(result(SURE))[0].startswith("The search converged")
+    assert report.search_sentence(result(SURE)).startswith("The search converged after ")
+
+
+@pytest.mark.parametrize(
+    ("values", "held_out", "fits", "word", "sentence"),
+    [
+        ((SURE,), True, (60.0, 95.0), "good", "Every parameter is determined."),
+        ((SURE,), False, (60.0, 95.0), "usable", "Every parameter is determined; no log was held out"),
+        ((SURE,), True, (60.0, 70.0), "usable", "Every parameter is determined."),
+        ((SURE,), True, (95.0, 90.0), "poor", "On log, which was held out, the twin is worse than before"),
+        ((SURE, WIDE), True, (60.0, 95.0), "usable", "Not determined: coulomb; do not use the file for it."),
+        ((WIDE,), True, (60.0, 95.0), "poor", "These logs determine none of the parameters: do not use the file."),
+    ],
+)
+def test_the_first_screen_has_the_word_of_the_rules(values, held_out, fits, word, sentence):
+    made = result(*values)
+    made.scores = (Score("log", held_out, 0.1, 0.1, *fits),)
+    assert calibrate_answer.word(made) == word
+    assert calibrate_answer.sentence(made).startswith(sentence)
 
 
 def test_values_that_act_alike_are_named_in_pairs():

@@ -37,7 +37,9 @@ def test_the_kind_that_is_off_is_named_and_the_next_command_mends_it(tmp_path, m
     robots.write_table("log.csv", NAMES, log.u, log.y, TS)
     assert main(["compare", "log.csv", *OPTIONS, "--out", "out"]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("Armature explains ")
+    number, sentence = out.splitlines()[:2]
+    assert "◐ usable: RMS from the log to the model at servo" in number
+    assert sentence.startswith("Armature explains ")
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["verdict"], summary["named"]) == ("known", ["armature"])
     (change,) = summary["chain"][0]["changes"]

@@ -100,9 +100,11 @@ def next_step(result: Calibration) -> str:
 
 def search_sentence(result: Calibration) -> str:
     """How the search ended."""
-    end = "converged after" if result.converged else "did not converge after"
-    end = "made" if result.found.late else end  # its reason is that it was stopped
-    return f"The search {end} {result.found.stop.iterations} iterations: {result.reason}."
+    iterations = f"{result.found.stop.iterations} iterations"
+    if result.converged and not result.found.late:
+        return f"The search converged after {iterations}."
+    end = "made" if result.found.late else "did not converge after"  # its reason is that it was stopped
+    return f"The search {end} {iterations}: {result.reason}."
 
 
 def _caption(run: Run) -> str:

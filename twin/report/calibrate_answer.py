@@ -38,10 +38,14 @@ def judged_run(result: Calibration) -> int:
 def word(result: Calibration) -> Word:
     """Poor as the exit code says, or worse on a held-out log; good on a held-out log if all is determined."""
     score = judged(result)
-    if not result.converged or advice.useless(result) or (score.held_out and score.fit_after < score.fit_before):
+    if not result.converged or advice.useless(result) or _worse(score):
         return POOR
     is_open = bool(advice.undetermined_rows(result) or result.differing)
     return GOOD if score.held_out and score.fit_after >= residuals.POOR and not is_open else USABLE
+
+
+def _worse(score: Score) -> bool:
+    return score.held_out and score.fit_after < score.fit_before
 
 
 def sentence(result: Calibration) -> str:
@@ -51,12 +55,14 @@ def sentence(result: Calibration) -> str:
         return "The search did not converge: do not use the file."
     if advice.useless(result):
         return "These logs determine none of the parameters: do not use the file."
+    if _worse(judged(result)):
+        return f"On {judged(result).log}, which was held out, the twin is worse than before: do not use the file."
     if result.differing:
         return f"The logs do not agree in {result.differing[0].name}: each has a value of its own."
     if names:
         return f"Not determined: {', '.join(names)}; do not use the file for {'these' if names[1:] else 'it'}."
     doubt = "" if judged(result).held_out else "; no log was held out (--hold-out) to judge the twin"
-    return f"All {len(result.values)} parameters are determined{doubt}."
+    return f"Every parameter is determined{doubt}."
 
 
 def values(result: Calibration) -> Grid:
