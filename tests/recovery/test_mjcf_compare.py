@@ -48,7 +48,7 @@ def test_the_kind_that_is_off_is_named_and_the_next_command_mends_it(tmp_path, m
     assert best["kinds"] == ["armature"]
     assert best["share"] > 0.999 > 0.9 > max(cause["share"] for cause in others)
     html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert all(f"{title}</h2>" in html for title in ("What was found", "Model and log", "Kinds of parameters"))
+    assert all(f"{title}</h2>" in html for title in ("In words", "Model and log", "Kinds of parameters"))
     words = shlex.split(summary["next"].removeprefix("Next: "))
     assert words == ["qpal", "calibrate", "log.csv", *OPTIONS, "--free", "armature"]
     assert summary["next"] in out
