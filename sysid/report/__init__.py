@@ -1,4 +1,4 @@
-"""The pages of `identify`, `info`, `design`, `run`, `models` and `bench`, their sections and figures."""
+"""The pages of `identify`, `info`, `design`, `run` and `bench`: what they say first, their sections and figures."""
 
 from sysid.base import modules_of
 
