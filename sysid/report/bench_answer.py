@@ -22,10 +22,12 @@ def answer(
     ranked = winners.filter(pl.any_horizontal(pl.col("ours_lost", "peer_lost").is_not_null()))
     ahead = ranked.filter(pl.col("ours_lost") <= pl.col("peer_lost").fill_null(float("inf")))
     word: Word = GOOD if len(ahead) == len(ranked) else USABLE
+    text = "No method of others is ahead in any family."
+    if ranked["peer"].null_count() == len(ranked):  # nobody to compare with
+        word, text = USABLE, "No method of others is ranked in any family."
     if ahead.is_empty() or (verdict is not None and verdict.worse):
         word = POOR
     behind = ranked.join(ahead, "family", "anti").sort(pl.col("ours_lost").fill_null(boards.CAP) - pl.col("peer_lost"))
-    text = "No method of others is ahead in any family."
     if ranked.is_empty():
         text = "No method tried enough of the tasks to be ranked."
     elif len(behind):

@@ -80,7 +80,7 @@ def sentences(result: Calibration) -> list[str]:
     """The result in a few sentences, what must not be used first."""
     runs = agreement.sentences(result)
     texts = [*([*runs[:-1], _ONE_LEG] if result.differing else advice.sentences(result))]
-    if not result.converged:
+    if result.found.late or not result.converged:
         texts.append(search_sentence(result))
     if result.found.descents > 1:
         texts.append(f"{result.found.agreed} of {result.found.descents} starts led to this place.")
