@@ -59,7 +59,7 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
 
 def fixed_point(value: float, digits: int) -> str:
     """A number with `digits` decimals."""
-    return f"{value:.{digits}f}".replace("-", "−")
+    return f"{value:z.{digits}f}".replace("-", "−")
 
 
 def undetermined_in_words(evaluation: Evaluation) -> str:
@@ -72,7 +72,7 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
             reason = reason.rpartition("break-away is not determined: ")[2]
         elif v.determined:
             continue
-        reason, *action = _ACTION.split(reason, maxsplit=1)
+        reason, *action = _ACTION.split(reason)
         names.setdefault(reason, []).append(name)
         actions |= dict.fromkeys(action)
     lines = [f"{capital(' and '.join(these))}: {reason}." for reason, these in names.items()]

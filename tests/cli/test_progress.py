@@ -1,7 +1,9 @@
 """Progress of a fit: every search is told, and the bar only moves forward and never to the end."""
 
 import re
+import sys
 import time
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -167,3 +169,8 @@ def test_a_first_compilation_is_told_while_it_lasts(capsys):
     told = capsys.readouterr().err.splitlines()
     assert told[0].endswith("compiling, once on this machine")
     assert "compiling" not in told[-1]
+
+
+def test_a_line_is_written_while_the_module_that_watches_the_compiler_is_being_imported(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sysid.base.compiled", ModuleType("sysid.base.compiled"))
+    assert not console._compiles()

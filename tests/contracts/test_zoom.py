@@ -32,7 +32,7 @@ from sysid.report.figures import joined_figure
 from sysid.report.joint import parts_figure as parts_of_joint
 from sysid.report.joint import values_figure
 from sysid.report.page import element
-from sysid.report.sections import undetermined_in_words
+from sysid.report.sections import undetermined_in_words, value_cells
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
@@ -360,12 +360,19 @@ def test_values_without_determination_name_each_reason_and_each_record_once():
         JointValue("moving_friction_up", 1.0, 0.8, 1.2, "V", why=f"break-away is not determined: {why.format('up')}"),
         JointValue("breakaway_down", -1.0, None, None, "V", False, why.format("down")),
         JointValue("end_high", 0.9, None, None, "rad", False, "not reached"),
+        JointValue("backlash", 0.9, None, None, "rad", False, f"{why.format('slow')}: record longer"),
     ]
     words = undetermined_in_words(SimpleNamespace(values=found))
     assert words == (
         "Not determined. Break-away voltage up: no up starts from rest. Break-away voltage down: no down starts "
-        "from rest. Upper end stop: not reached. What to do: record rising pulses (qpal design --for breakaway FILE)."
+        "from rest. Upper end stop: not reached. Backlash: no slow starts from rest. What to do: record rising pulses "
+        "(qpal design --for breakaway FILE); record longer."
     )
+
+
+def test_no_value_is_minus_nothing():
+    cells = value_cells(JointValue("end_low", -1e-9, -0.01, 0.01, "s"))
+    assert cells == ("0.000000", "−0.010000 to 0.010000", "s")
 
 
 def test_a_band_that_makes_the_error_a_line_gets_a_panel_of_the_error_alone(evaluation):

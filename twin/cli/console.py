@@ -171,8 +171,8 @@ _COMPILES = "compiling, once on this machine"
 
 def _compiles() -> bool:
     """Whether numba is at work; a command that has not loaded it waits for nothing of it."""
-    compiled = sys.modules.get("sysid.base.compiled")
-    return compiled is not None and compiled.compiles()
+    compiles = getattr(sys.modules.get("sysid.base.compiled"), "compiles", None)  # None while it is being imported
+    return compiles is not None and bool(compiles())
 
 
 class _Lines:
