@@ -16,6 +16,7 @@ from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
 
 SLOWEST = 3  # time constants
+CLOSE = 0.5  # points of fit
 
 
 def answer(result: Identification, model: str = "") -> Answer:
@@ -33,12 +34,16 @@ def answer(result: Identification, model: str = "") -> Answer:
 
 
 def word(result: Identification) -> Word:
-    """Poor as `verdict.bad` and the model's sign say; good on unseen data if nothing is left to try."""
+    """Poor as `verdict.bad` and the model's sign say; good on unseen data if nothing is left to try or to explain.
+
+    What is left may depend on the input where all of it is less than the half point that counts as close.
+    """
     e = result.evaluation
-    if verdict.no_joint(e) or verdict.bad(e) or _wrong(e):
+    if verdict.bad(e) or _wrong(e):
         return POOR
-    is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR
-    return GOOD if is_done else USABLE
+    is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
+    is_explained = e.tests is None or e.tests.independent or e.judged_fit >= 100.0 - CLOSE
+    return GOOD if is_done and is_explained else USABLE
 
 
 def _wrong(e: Evaluation) -> list[str]:
