@@ -52,7 +52,7 @@ def test_every_figure_that_applies_stands_in_its_section_in_the_order_of_the_tab
     wanted = applying(e)
     for title, names in shown.items():
         assert names == [name for name, figure in wanted.items() if figure.section == title]
-    assert {path.name for path in (folder / "figures").iterdir()} == {f"{name}.png" for name in wanted}
+    assert {path.name for path in (folder / "figures").iterdir()} == {f"{name}.png" for name in (*wanted, "answer")}
 
 
 def test_a_figure_on_disk_is_as_wide_as_the_page_takes_it_and_not_empty(report):
