@@ -61,7 +61,7 @@ def test_the_next_step_of_a_good_model_works(tmp_path, monkeypatch, capsys):
 
 
 def test_commands_in_sentences_name_this_record():
-    record = SimpleNamespace(path=Path("my log.csv"), options=("--ts", "0.1"), files=())
+    record = SimpleNamespace(path=Path("my log.csv"), options=("--ts", "0.1"), files=(), paths=(Path("my log.csv"),))
     assert _with_commands("record pulses (qpal design --for breakaway FILE).", record) == (
         "record pulses (qpal design --for breakaway 'my log.csv' --ts 0.1)."
     )
