@@ -128,6 +128,8 @@ def _replaced(model: Chain, thetas: np.ndarray, k: int, form: Form) -> tuple[Cha
         elif isinstance(block, TransferFunction):
             parts[j] = np.array([block.lowered(row, level) for row in parts[j]])
             level *= block.gain(parts[j][0])
+        if not np.isfinite(level):  # behind a filter that integrates
+            return None
     if len(with_offset(blocks, 1, "free")) > len(blocks):
         blocks.append(Offset(role="offset", found=True))
         parts.append(np.full((len(thetas), 1), level))

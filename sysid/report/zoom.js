@@ -54,7 +54,7 @@
   const seen = new IntersectionObserver((entries) => entries.filter((e) => e.isIntersecting).forEach((e) => {
     seen.unobserve(e.target);
     const found = figures.find(([box]) => box === e.target);
-    draw(...found).then(() => found[0].classList.add("drawn"));
+    draw(...found).then(() => [found[0], found[0].closest("figure")].forEach((each) => each?.classList.add("drawn")));
   }), { rootMargin: "600px" });
   figures.forEach(([box]) => { box.closest("figure")?.classList.add("zoomed"); seen.observe(box); });
   addEventListener("beforeprint", () => document.querySelectorAll(".fold").forEach((part) => { part.open = true; }));

@@ -131,7 +131,7 @@ def test_the_colours_follow_the_reader_and_paper_stays_white(read):
     dark = style.text.index("@media screen and (prefers-color-scheme: dark)")
     assert re.search(r"--paper: #1", style.text[dark:])
     printed = style.text[style.text.index("@media print") :]
-    assert "figure.zoomed img { display: block; }" in printed
+    assert "figure.drawn img { display: block; }" in printed
     assert "figure.zoomed .zoom { display: none; }" in printed
     assert read.all("meta", name="viewport")
     assert all("div" in e.within for e in read.all("table"))  # each scrolls inside its own box

@@ -9,10 +9,10 @@ from often import often
 from scipy.signal import lfilter
 
 import sysid
-from sysid.blocks import Offset, PiecewiseLinear
+from sysid.blocks import Offset, PiecewiseLinear, Saturation
 from sysid.data.record import IOData
 from sysid.estimation import named_maps
-from sysid.estimation.map_shapes import LocalMap
+from sysid.estimation.map_shapes import Form, LocalMap
 from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.solver.linearisation import Linearisation
@@ -228,3 +228,14 @@ def test_signals_far_from_zero(zero, level):
         assert names(result)[0] == "Saturation"
         lower = next(p for p in result.parameters if p.name == "input.lower")
         assert abs(lower.value - zero + 0.8) < max(5.0 * (lower.std or 0.0), 1e-3)
+
+
+@pytest.mark.parametrize("pole", [0.9, 1.0])
+def test_no_level_of_a_shape_is_taken_up_behind_a_filter_that_integrates(pole):
+    chain = sysid.structures.hammerstein_wiener(1, 1, 1, "piecewise_linear", "piecewise_linear")
+    chain = chain.scaled(np.array([[-1.0], [1.0]]), np.array([[-1.0], [1.0]]))
+    theta = np.ones((1, len(chain.names)))
+    theta[:, chain.dynamics[0][0]] = [0.5, -pole, 0.0]
+    for level in (0.0, 0.3):
+        form = Form(Saturation(), np.array([-1.0, 1.0]), 1.0, level, np.zeros(1), 2, True)
+        assert (named_maps._replaced(chain, theta, 0, form) is None) == (pole == 1.0)
