@@ -1,7 +1,5 @@
 """`qpal demo`: from nothing to a report, the truth beside it."""
 
-from dataclasses import replace
-
 from twin.cli import console, options
 from twin.cli.output import output_folder, run_folder
 
@@ -38,8 +36,9 @@ def demo(out: options.Out = None, as_json: options.Json = False) -> None:
             result = identify_file(folder / "log.csv", setting, progress=console.Searches(step))
             step("drawing")
             true = twin_truth(JOINT, TS)
-            page = identified.page(result, export(result.evaluation, scratch))
-            page = replace(page, sections=[report.section(result, true), *page.sections])
+            page = report.page(
+                identified.page(result, export(result.evaluation, scratch)), result, true, folder / "log.csv"
+            )
             summary = {**result.as_dict(), "truth": true}
             write(scratch, page, summary)
-    console.finish(folder, summary, as_json, [report.grid(result, true)], report.sentences(result, folder / "log.csv"))
+    console.finish(folder, summary, as_json, [], report.open_values(result, folder / "log.csv"), page.answer)

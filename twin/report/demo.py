@@ -2,19 +2,24 @@
 
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
-from sysid.base.quantities import capital, display_quantity, number, percent
+from sysid.base.quantities import capital, display_quantity, number
 from sysid.joint.values import distinct_values
-from sysid.report import sections
-from sysid.report.page import Grid, Section
+from sysid.report import sections as sections_of
+from sysid.report.page import Grid, Page, Section
 from sysid.workflow.identification import Identification
 
 
-def section(result: Identification, true: Mapping[str, float]) -> Section:
-    """Identified values beside the truth."""
+def page(page: Page, result: Identification, true: Mapping[str, float], log: Path) -> Page:
+    """The report of the fit, with the truth beside the values of its first screen."""
+    assert page.answer is not None
+    file = shlex.quote(str(log))
+    first = replace(page.answer, values=grid(result, true), next=f"Next: qpal info {file} shows how a log is read")
     text = "The log is that of the twin, a simulated leg, so the true values are known. The fit was not told them."
-    return Section("Beside the truth", [text], [grid(result, true)])
+    sections = [Section("Beside the truth", [text], [grid(result, true)]), *page.sections]
+    return replace(page, title="A simulated joint, identified beside its truth", answer=first, sections=sections)
 
 
 def grid(result: Identification, true: Mapping[str, float]) -> Grid:
@@ -22,21 +27,16 @@ def grid(result: Identification, true: Mapping[str, float]) -> Grid:
     rows = []
     for value in distinct_values(result.evaluation.values):
         quantity = display_quantity(value.name, value.unit)
-        cells = sections.value_cells(value)
+        cells = sections_of.value_cells(value)
         truth = number(true[value.name] * quantity.factor, 4)
         holds = ("yes" if value.holds(true[value.name]) else "no") if value.low is not None else "–"
-        name = capital(sections.WORDS.get(value.name, value.name))
+        name = capital(sections_of.WORDS.get(value.name, value.name))
         rows.append((name, *cells[:2], truth, holds, cells[2]))
     headings = ("", "identified", "95 % interval", "truth", "interval holds it", "unit")
     return Grid(headings, rows, "Physical values of a simulated joint", last_text=True)
 
 
-def sentences(result: Identification, log: Path) -> list[str]:
-    """The fit in a sentence, what the record leaves open, and what to do with a log of one's own."""
-    fit, file = percent(result.evaluation.judged_fit), shlex.quote(str(log))
-    open_values = sections.undetermined_in_words(result.evaluation)
-    return [
-        f"The free run of the model fits the half of the log that it has not seen to {fit}.",
-        *filter(None, [open_values.replace(" FILE", f" {file}")]),
-        f"Next: qpal info {file} shows how a log is read; qpal identify reads one of yours.",
-    ]
+def open_values(result: Identification, log: Path) -> list[str]:
+    """What the record leaves open, in words."""
+    words = sections_of.undetermined_in_words(result.evaluation)
+    return [words.replace(" FILE", f" {shlex.quote(str(log))}")] if words else []
