@@ -9,10 +9,11 @@ from sysid.data.record import IOData
 from sysid.diagnosis import signals
 from sysid.diagnosis.delays import Delay, delay_from_input
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
-from sysid.diagnosis.whitening import Whitened, bent_effect, drift, drift_size, feedback, nonlinearity
+from sysid.diagnosis.whitening import Whitened, bent_effect, drift, drift_size, feedback, is_computed, nonlinearity
 
 _DRIFT = 0.3  # standard deviations of the output over the record; less hardly moves a fit
 _CREEP = 0.05  # the same, below which a drift is of no account however sure it is
+COMPUTED = "follows to the last digit from"
 _TOGETHER = 0.7  # correlation of columns that nobody suspects
 _FAST = 0.1  # cycles per sample: slower inputs do not show what happens within three samples
 
@@ -25,7 +26,7 @@ def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         d = delay_from_input(white, i, LEVEL)
         nk = nk if d.nk is None else d.nk
         yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk)
-        yield _feedback(u, y, feedback(white, i))
+        yield _computed(u, y) if is_computed(white, i) else _feedback(u, y, feedback(white, i))
         if d.models:
             yield _rate(data, d, u, y)
     yield _nonlinearity(data, white, y, nk)
@@ -103,6 +104,18 @@ def _orders(nk: int) -> tuple[str, tuple[str, ...]]:
     """The call and the command that fit a linear model of this delay."""
     call = f"sysid.fit(sysid.structures.output_error(nb=2, nf=3, nk={nk}), data)"
     return call, ("identify", "--structure", "output_error", "--orders", f"2,3,{nk}")
+
+
+def _computed(u: str, y: str) -> Advice:
+    return Advice(
+        "feedback",
+        f"{u} {COMPUTED} {y} of the same sample, so a controller computes it, and a fit may find the controller",
+        0.0,
+        "record with a reference that changes, or fit a model that predicts, with nk = 1 or more",
+        "warning",
+        call="sysid.fit(sysid.structures.armax(na=2, nb=2, nc=2, nk=1), data)",
+        command=("identify", "--structure", "armax"),
+    )
 
 
 def _feedback(u: str, y: str, p: float | None) -> Advice:

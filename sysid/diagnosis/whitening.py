@@ -250,6 +250,26 @@ def free_run(white: Whitened) -> np.ndarray:
     return np.concatenate(runs)
 
 
+def is_computed(white: Whitened, i: int) -> bool:
+    """Whether input i of a sample follows from the output of that sample and the past, but for their last digits.
+
+    Without that output it must not: of a plant with direct feedthrough and noise neither follows from the other.
+    """
+    own, has = white.shifted(i, 0)
+    past = np.delete(white.X, white.lags(i).start, axis=1) if white.starts[i] == 0 else white.X
+    past, own, y = past[has], own[has], white.y[has]
+    with_output = np.column_stack([y, past])
+    c, *_ = np.linalg.lstsq(with_output, own, rcond=None)
+    left, without = own - with_output @ c, own - past @ np.linalg.lstsq(past, own, rcond=None)[0]
+    digits = _last_digit(own) + abs(float(c[0])) * _last_digit(y)
+    return bool(np.std(left) <= digits and np.std(without) > 10.0 * digits)
+
+
+def _last_digit(x: np.ndarray) -> float:
+    """The least difference of two values, within which a number was rounded when it was written."""
+    return float(np.min(np.diff(np.unique(x)), initial=np.inf))
+
+
 def feedback(white: Whitened, i: int = 0, ahead: int = 5) -> float | None:
     """p-value of the hypothesis that inputs 1..ahead samples later do not predict this output beyond its past.
 

@@ -5,6 +5,7 @@ import numpy as np
 from sysid.base.poles import Motion
 from sysid.base.quantities import capital, number, percent
 from sysid.diagnosis import residuals
+from sysid.diagnosis.relation import COMPUTED
 from sysid.drawing.figure import Figure
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import runs_figure
@@ -42,8 +43,14 @@ def word(result: Identification) -> Word:
     if verdict.bad(e) or _wrong(e):
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
+    is_done = is_done and not _computed(result)
     is_explained = e.tests is None or e.tests.independent or e.judged_fit >= 100.0 - CLOSE
     return GOOD if is_done and is_explained else USABLE
+
+
+def _computed(result: Identification) -> str:
+    """What is said of an input that a controller computes from the output; empty of others."""
+    return next((a.sentence for a in result.advice if COMPUTED in a.sentence), "")
 
 
 def _wrong(e: Evaluation) -> list[str]:
@@ -62,6 +69,8 @@ def sentence(result: Identification) -> str:
         return f"Do not use this model: {_reason(result)}."
     if not e.unseen:
         return "All of the record was used for the fit, so no fit to unseen data is known."
+    if said := _computed(result):
+        return f"{capital(said)}."
     left = verdict.left_in_words(e.tests)
     return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
 
