@@ -47,8 +47,10 @@ def advise(data: IOData) -> tuple[Advice, ...]:
     check_magnitudes(data)
     with one_blas_thread():
         warnings = ((j, word_warning(data, "y", j) or wrap_warning(data, j)) for j in range(data.y.shape[1]))
-        wrap_warnings = {j: jump for j, jump in warnings if jump is not None}
-        findings = list(wrap_warnings.values())  # first: they are in the way of all others
+        raw, (data, none_places) = data, signals.without_words(data)
+        wrap_warnings = {j: jump for j, jump in warnings if jump is not None and ("y", j) not in none_places}
+        # First: they are in the way of all others.
+        findings = [*wrap_warnings.values(), *(_none(raw, *place, mask) for place, mask in none_places.items())]
         findings += [a for i in range(data.u.shape[1]) for a in _input(data, i)]
         for j in range(data.y.shape[1]):
             if (warning := constant_warning(data, "y", j)) is not None:
@@ -58,6 +60,8 @@ def advise(data: IOData) -> tuple[Advice, ...]:
                 findings.insert(0, warning)
             white = whiten(data, j)
             output_findings = list(_output(data, j, white, jumps=j in wrap_warnings))
+            if ("y", j) in none_places:
+                output_findings = [a for a in output_findings if a.topic != "outliers" or a.severity != "fine"]
             findings += output_findings
             if white is None:
                 findings += [] if not np.ptp(data.u, axis=0).any() else [_too_little(data, j)]
@@ -132,7 +136,7 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
             else "",
             "warning" if coarse else "note",
         )
-    yield _outliers(odd, name, code, unit)
+    yield _outliers(odd, name, code if code is None else code * y_shown.factor, y_shown.unit)
 
 
 def _noise(y: np.ndarray, white: Whitened | None) -> float:
@@ -211,19 +215,29 @@ def _odd(data: IOData, j: int, white: Whitened | None) -> np.ndarray:
     return returning(y, mask)
 
 
+def _none(data: IOData, role: str, k: int, mask: np.ndarray) -> Advice:
+    """The finding on the samples of a channel that stand for none."""
+    values, unit = (data.u, data.u_unit) if role == "u" else (data.y, data.y_unit)
+    shown = display_quantity("", unit)
+    found = _outliers(mask, channel(data, role, k), float(values[mask, k][0]) * shown.factor, shown.unit)
+    return (
+        found if role == "y" else replace(found, action="write into these cells what the input was, or remove the rows")
+    )
+
+
 def _outliers(mask: np.ndarray, name: str, code: float | None, unit: str) -> Advice:
+    """The finding on the samples in `mask` (N,), which all hold `code` in the unit that is shown."""
     n = int(mask.sum())
     if not n:
         return Advice("outliers", f"{name} has no isolated outliers", 0.0, "", "fine")
     first = ", ".join(map(str, np.flatnonzero(mask)[:5])) + (", ..." if n > 5 else "")
     sentence = f"{name} has {n} isolated outlier(s), {100 * n / len(mask):.2g} % of samples: {first}"
-    call = "sysid.data.outliers.outliers(data).data"
     if code is not None:
-        sentence += f"; all are {code:.6g}{unit}, far outside the others, {NO_VALUE}"
-        todo = "empty these cells, which are then missing samples, or mark them in Python"
-        return Advice("outliers", sentence, n, todo, "warning", call=call)
+        those = "it is" if n == 1 else "all are"
+        sentence += f"; {those} {f'{code:.6g} {unit}'.rstrip()}, far outside the others, {NO_VALUE}"
+        return Advice("outliers", sentence, n, "empty these cells, which are then missing samples", "warning")
     todo = "look at them, and mark them as missing or fit with a robust loss, sysid.Objective"
-    return Advice("outliers", sentence, n, todo, "warning", call=call)
+    return Advice("outliers", sentence, n, todo, "warning", call="sysid.data.outliers.outliers(data).data")
 
 
 def _too_little(data: IOData, j: int) -> Advice:

@@ -1,7 +1,7 @@
 """Single signals: excitation, levels, rests, converter step; jumps as they were logged; signals that do not move."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,9 @@ COUNTER_BITS = (8, 16, 24, 32)  # bits of counters, which begin again at 0
 ENCODER_COUNTS = (1000.0, 1024.0, 2000.0, 2048.0, 3600.0, 4000.0, 4096.0, 8192.0, 16384.0)  # counts of a turn
 NO_VALUE = "as a number that stands for none"
 MAP_FILE = "MAP.toml"
+# What loggers write for no value: the ends of signed integers, the null of well logs (LAS 2.0). With them go numbers of
+# three nines or more, 999 or 99.9, as weather stations fill a field (Integrated Surface Dataset, NOAA).
+NONE_WORDS = (-(2.0**15), 2.0**15 - 1, -(2.0**31), 2.0**31 - 1, -999.25, -9999.25)
 _FAR_RANGES = 5.0  # ranges of the other samples that lie between these and a number that stands for none
 STUCK_SHARE = 0.3  # of the record, for which an output stands still
 MIDDLE, COVERED = (0.25, 0.75), (0.1, 0.9)  # quantiles of an input, between those that it has meanwhile
@@ -156,10 +159,45 @@ def wrap_warning(data: IOData, j: int) -> Advice | None:
     return None
 
 
-def missing_code(y: np.ndarray, mask: np.ndarray) -> float | None:
+def none_word(x: np.ndarray, factor: float = 1.0) -> float | None:
+    """The number at an end of x (N,) that loggers write for no value, if it lies far outside the others; else None.
+
+    `factor` is from the stored unit to the one that the file shows. One sample is enough, and any number of them.
+    """
+    for end in (float(x.min()), float(x.max())):
+        shown = f"{end * factor:.10g}"
+        nines = shown.lstrip("-").replace(".", "")
+        is_word = (len(nines) >= 3 and set(nines) == {"9"}) or float(shown) in NONE_WORDS
+        if is_word and missing_code(x, x == end, least=1) is not None:
+            return end
+    return None
+
+
+def without_words(data: IOData) -> tuple[IOData, dict[tuple[str, int], np.ndarray]]:
+    """The record with the samples that stand for none missing, the last input held, and where they are by channel.
+
+    All other findings are then about what was measured: one -999 in an input looks like feedback to a test.
+    """
+    u, missing, places = data.u.copy(), ~data.observed, dict[tuple[str, int], np.ndarray]()
+    for role, values, unit in (("u", data.u, data.u_unit), ("y", data.y, data.y_unit)):
+        for k in range(values.shape[1]):
+            x = values[:, k] if role == "u" else values[data.observed[:, k], k]
+            code = none_word(x, display_quantity("", unit).factor)
+            if code is None or word_warning(data, role, k) is not None:
+                continue
+            places[role, k] = mask = values[:, k] == code
+            if role == "u":
+                last = np.maximum.accumulate(np.where(mask, -1, np.arange(data.N)))
+                u[:, k] = u[np.where(last < 0, np.argmin(mask), last), k]
+            else:
+                missing[:, k] |= mask
+    return (replace(data, u=u, missing=missing if missing.any() else None), places) if places else (data, places)
+
+
+def missing_code(y: np.ndarray, mask: np.ndarray, least: int = 2) -> float | None:
     """The number that all found samples (N,) have, if it lies far outside the others, as -9999 does; else None."""
     odd, sound = np.unique(y[mask]), y[~mask]
-    if len(odd) != 1 or not len(sound) or mask.sum() < 2:
+    if len(odd) != 1 or not len(sound) or mask.sum() < least or not np.ptp(sound):
         return None
     distance = max(float(sound.min()) - odd[0], odd[0] - float(sound.max()))
     return float(odd[0]) if distance > _FAR_RANGES * float(np.ptp(sound)) else None

@@ -6,6 +6,7 @@ from sysid.base.poles import Motion
 from sysid.base.quantities import capital, number, percent
 from sysid.diagnosis import residuals
 from sysid.diagnosis.relation import COMPUTED
+from sysid.diagnosis.signals import NO_VALUE
 from sysid.drawing.figure import Figure
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import runs_figure
@@ -40,7 +41,7 @@ def word(result: Identification) -> Word:
     What is left may depend on the input where all of it is less than the half point that counts as close.
     """
     e = result.evaluation
-    if verdict.bad(e) or _wrong(e):
+    if verdict.bad(e) or _wrong(e) or _spoilt(result):
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
     is_done = is_done and not _computed(result)
@@ -58,6 +59,14 @@ def _wrong(e: Evaluation) -> list[str]:
     return [note for note in e.notes if WRONG in note]
 
 
+def _spoilt(result: Identification) -> bool:
+    """Whether numbers that stand for none are in the record of a model that explains little of it.
+
+    The rest is then white, as the numbers are, but not because noise limits the fit.
+    """
+    return result.evaluation.judged_fit < residuals.POOR and any(NO_VALUE in a.sentence for a in result.advice)
+
+
 def sentence(result: Identification) -> str:
     """Why the word: of a model that is not good, what is wrong with it; else what is left."""
     e, wrong = result.evaluation, _wrong(result.evaluation)
@@ -65,7 +74,7 @@ def sentence(result: Identification) -> str:
         return e.joint.sentence()
     if wrong:
         return f"Do not use this model: {wrong[0].partition(';')[0]}."
-    if verdict.bad(e):
+    if verdict.bad(e) or _spoilt(result):
         return f"Do not use this model: {_reason(result)}."
     if not e.unseen:
         return "All of the record was used for the fit, so no fit to unseen data is known."

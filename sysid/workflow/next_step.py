@@ -48,7 +48,7 @@ def next_step(result: Identification) -> NextStep | None:
     e = result.evaluation
     is_bad = poor(e.judged_fit, e.tests) or against_the_record(e)
     rules: tuple[_Rule, ...] = ()
-    if is_bad and (first := _logging_fault(result)) is not None:
+    if (first := _logging_fault(result, is_bad)) is not None:
         return first
     if not e.fit.stop.converged or (e.joint_fit is not None and e.joint_fit.stopped):
         longer_search = _more_time(result)
@@ -73,14 +73,14 @@ def against_the_record(e: Evaluation) -> bool:
     return bool(gain_remarks(e.estimation, e.validation, e.validation_output, None if e.step is None else e.step.y))
 
 
-def _logging_fault(result: Identification) -> NextStep | None:
-    """A record whose output jumps as it was logged: no model describes that."""
+def _logging_fault(result: Identification, is_bad: bool) -> NextStep | None:
+    """A record with jumps as it was logged: no model describes that. What stands for none is in any fit."""
     for a in result.advice:
         advice_text, _, fix = a.action.rpartition(": ")
-        if a.topic == WRAPS:
+        if a.topic == WRAPS and is_bad:
             return NextStep(f"{a.sentence}: {advice_text}", fix)
         if a.topic == "outliers" and NO_VALUE in a.sentence:
-            return NextStep(f"{a.sentence}: empty these cells, which are then missing samples", command(result))
+            return NextStep(f"{a.sentence}: {a.action.partition(', which')[0]}", command(result))
     return None
 
 

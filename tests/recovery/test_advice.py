@@ -423,3 +423,19 @@ def test_a_number_that_stands_for_none_is_told_and_is_no_rest():
     assert found["rest"].severity == "fine"
     y[700] = 9999.0
     assert "-9999" not in told(IOData(u, y, 1.0))["outliers"].sentence
+
+
+def test_a_word_for_none_in_the_input_is_no_feedback():
+    """One -999 and no more: all else that is found is as in the record without it."""
+    rng = np.random.default_rng(24)
+    u = held(rng, 1000)
+    y = lfilter([0, 0.1], [1, -0.9], u) + 0.003 * white(rng, 1000)
+    clean = {a.topic: a.severity for a in advise(IOData(u, y, 1.0))}
+    marked = u.copy()
+    marked[300] = -999.0
+    found = advise(IOData(marked, y, 1.0))
+    assert found[0].severity == "warning"
+    assert "it is -999, far outside" in found[0].sentence
+    assert {a.topic: a.severity for a in found[1:]} == clean
+    switched = IOData(np.where(u > 0, 0.0, 999.0), y, 1.0)  # an input of two levels
+    assert not any("stands for none" in a.sentence for a in advise(switched))
