@@ -2,6 +2,7 @@
 
 import csv
 import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
@@ -37,17 +38,19 @@ class Head:
     start: int
     preamble: Preamble | None = None
     again: Mapping[str, str] = field(default_factory=dict)  # names that the header gives to a column before, too
+    banner: tuple[str, ...] = ()  # lines above the names that are no comments
 
 
 class Delimited:
     """Reads .csv, .tsv, .txt and .dat; writes .csv: names, then one row per sample in full precision.
 
     A first row with a cell that is not a number is the header; without it the columns are called 1, 2, ..., or by the
-    comment line above them that has a name for each. A name that comes again gets its number, `Time` and `Time 2`;
-    where both columns hold the same, one is read. A second row that holds only units gives the units. Blank lines
-    and lines that start with # or % are skipped, but count in row numbers; so does Excel's line `sep=;`. A column
-    without entries (a trailing comma) is dropped. A comma inside the cells is the decimal mark. The header of `write`
-    stands in comment lines `# qpal: ...` at the top, which other programs skip or show.
+    comment line above them that has a name for each. Rows of fewer cells above the names, a title or a date, are left
+    out. A name that comes again gets its number, `Time` and `Time 2`; where both columns hold the same, one is read. A
+    second row that holds only units gives the units. Blank lines and lines that start with # or % are skipped, but
+    count in row numbers; so does Excel's line `sep=;`. A column without entries (a trailing comma) is dropped. A comma
+    inside the cells is the decimal mark. The header of `write` stands in comment lines `# qpal: ...` at the top, which
+    other programs skip or show.
     """
 
     suffixes: ClassVar[tuple[str, ...]] = (".csv", ".dat", ".tsv", ".txt")
@@ -86,9 +89,11 @@ def _read(path: Path) -> Table:
     if not len(body.rows):
         raise InputError(f"{path} has no whole row of numbers; give a file with one row a sample")
     columns = dict(zip(head.names, body.columns, strict=True))
-    notes = (*body.notes, *_settle_repeated(columns, head.again))
+    notes = [*body.notes, *_settle_repeated(columns, head.again)]
+    if head.banner:
+        notes.append(f"skipped what stands above the names, which are in row {head.layout.first}")
     rows = (body.rows,) * len(columns)
-    lines_above = tuple(line for line in comments(path) if not line.startswith(HEADER))
+    lines_above = (*(line for line in comments(path) if not line.startswith(HEADER)), *head.banner)
     table = Table(
         path,
         tuple(columns),
@@ -96,7 +101,7 @@ def _read(path: Path) -> Table:
         rows,
         decimal=body.decimal,
         units={name: unit for name, unit in head.units.items() if name in columns},
-        notes=notes,
+        notes=tuple(notes),
         comments=lines_above,
     )
     return table if head.preamble is None else head.preamble.finished(table)
@@ -132,6 +137,8 @@ def _head(path: Path) -> Head:
         return Head(preamble.names, preamble.units, layout, row, preamble)
     separator = sep_line[1] if sep_line else _separator(lines[0], lines[1:] or lines)
     rows = [split(path, *sample[0], separator), *(_split(line, separator) for line in lines[1:])]
+    above = _rows_above_names(rows)
+    banner, sample, rows = tuple(line for _, line in sample[:above]), sample[above:], rows[above:]
     width = max(map(len, rows))
     while width > 1 and all(len(row) < width or not row[width - 1] for row in rows):
         width -= 1
@@ -153,7 +160,17 @@ def _head(path: Path) -> Head:
     if unit_row := _units_of_row(second_row):
         units |= {name: unit for name, unit in zip(names, unit_row, strict=False) if unit}
         start = sample[1][0] + 1
-    return Head(tuple(names), units, layout, start, again=again)
+    return Head(tuple(names), units, layout, start, again=again, banner=banner)
+
+
+def _rows_above_names(rows: Sequence[Sequence[str]]) -> int:
+    """How many rows of a title, an operator or a date stand above the names: all have fewer cells than the table."""
+    filled = [sum(map(bool, row)) for row in rows]
+    width = Counter(max((j + 1 for j, cell in enumerate(row) if cell), default=0) for row in rows).most_common(1)[0][0]
+    first = next((k for k, count in enumerate(filled) if count >= width), 0)
+    if filled[first] != width or first + 1 >= len(rows) or any(map(_is_cell_of_numbers, rows[first])):
+        return 0
+    return first if any(map(_is_cell_of_numbers, rows[first + 1])) and not _units_of_row(rows[first]) else 0
 
 
 def _split(line: str, separator: str | None) -> list[str]:
