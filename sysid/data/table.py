@@ -20,7 +20,7 @@ THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.'\u2019 \u00a0\u202f])\d{3})(?:\1\d{
 FORTRAN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)[dD][+-]?\d+")
 UNITS = "[mkuµμ]?V|[muµμ]?A|°|º|deg|Grad|m?rad|%|[mnuµμ]?s|sec|rpm|1/min|[mc]?Nm?|[cmk]?m|Hz|kHz|counts?|ticks?"
 WITH_UNIT = re.compile(rf"[+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?\s*({UNITS})")
-NUMBER_LETTERS = re.compile(r"[+-]?[.,]?\d[\d.,]{0,40}")
+NUMBER_LETTERS = re.compile(r"(?!\d{1,2}\.\d{1,2}\.\d{2}(?:\d{2})?$)[+-]?[.,]?\d[\d.,]{0,40}")  # no date: 14.03.2026
 HEXADECIMAL = re.compile(r"0[xX][0-9a-fA-F]+|(?=.*\d)[0-9a-fA-F]{2,16}[hH]?|[0-9A-F]{2,16}[hH]?")
 FIRST, STRAY = 1000, 0.1  # cells that are looked at, and the share of words among them that are not there by mistake
 # In small letters:

@@ -253,6 +253,7 @@ _DATE = re.compile(
     r"([0-9]{4}[-/.][0-9]{1,2}[-/.][0-9]{1,2}|[0-9]{1,2}([-/.])[0-9]{1,2}\2(?:[0-9]{4}|[0-9]{2}))"
     r"(?:[T ]00:00(?::00(?:\.0*)?)?)?"
 )
+_MINUTES = re.compile(r"[0-9]{1,2}:[0-9]{2}(?:\s*[AaPp]\.?[Mm]\.?)?")
 _DIGITS = re.compile(r"((?:19|20)[0-9]{2})([0-9]{2})([0-9]{2})")  # 20260310, in a column that is called a date
 _NAMES = re.compile(r".*(?:date|datum|fecha|day|tag)", re.IGNORECASE)
 
@@ -264,6 +265,7 @@ def with_days(text: Table, table: Table) -> Table:
     clock; where it cannot be read so, the times are `undated` and say why.
     """
     times = [name for name in table.dates if re.match(FORMS["time"], _first_text(text, name))]
+    times = times or [name for name in table.undated if _MINUTES.fullmatch(_first_text(text, name))]
     if len(times) != 1:
         return table
     days = [name for name in text.names if name not in times and _is_date(name, _first_text(text, name))]
@@ -273,14 +275,17 @@ def with_days(text: Table, table: Table) -> Table:
     dates_of_rows = _dates_by_row(_cells_of_text(text, days[0]))
     changes = np.flatnonzero([a != b for a, b in pairwise(dates_of_rows)]) + 1
     cells = _cells_of_text(text, name)
-    if not len(changes) or len(dates_of_rows) != len(cells):
+    in_minutes = name in table.undated  # 12:05, which is a time of day where a date stands beside it
+    if not (len(changes) or in_minutes) or len(dates_of_rows) != len(cells):
         return table
-    time = np.asarray(table.columns[j], dtype=float)
     joined_cells = [
         f"{day} {cell.strip()}" if cell.strip() else "" for day, cell in zip(dates_of_rows, cells, strict=True)
     ]
     readings = _readings(replace(text, columns=(*text.columns[:j], joined_cells, *text.columns[j + 1 :])), j)
-    if any(np.allclose(t, time, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in readings):
+    time = np.empty(0) if in_minutes else np.asarray(table.columns[j], dtype=float)
+    if not in_minutes and any(np.allclose(t, time, rtol=0.0, atol=1e-6, equal_nan=True) for t, _ in readings):
+        return table
+    if not readings and in_minutes:
         return table
     if not readings:
         midnights = np.flatnonzero(np.diff(np.floor(_since_midnight(time, cells) / DAY)) != 0) + 1
@@ -293,7 +298,11 @@ def with_days(text: Table, table: Table) -> Table:
         sentence = f"columns {days[0]!r} and {name!r} were read together as seconds since {first}"
         local = {**table.local, name: begins}
         dates = {key: note for key, note in table.dates.items() if key != days[0]}
-        return replace(table, columns=columns, dates={**dates, name: sentence}, local=local)
+        undated = {key: note for key, note in table.undated.items() if key not in (name, days[0])}
+        units = {**table.units, name: "s"}
+        return replace(
+            table, columns=columns, dates={**dates, name: sentence}, undated=undated, local=local, units=units
+        )
     reason = (
         f"column {name!r} holds times of day, and {days[0]!r} beside it changes in row {text.rows[j][int(changes[0])]} "
         f"in another way than they pass midnight; put both into one column: {WRITE}"

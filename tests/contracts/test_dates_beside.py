@@ -61,3 +61,25 @@ def test_a_date_that_cannot_be_read_and_jumps_is_a_sentence(date, tmp_path):
     times = every(1, datetime.datetime(2026, 3, 5, 9), pause=2)
     with pytest.raises(InputError, match=r"'Date' beside it changes in row 62 .* one column"):
         read_record(rig(tmp_path / "rig.csv", times, date))
+
+
+@pytest.mark.parametrize("date", ["%Y-%m-%d", "%d.%m.%Y", "%m/%d/%Y", "%d/%m/%Y"])
+@pytest.mark.parametrize("clock", ["%H:%M", "%I:%M %p"])
+def test_hours_and_minutes_beside_a_date_are_a_time_of_day(date, clock, tmp_path):
+    """12:05 alone may be 12 min 5 s; a sample a minute goes over midnight to the 15th, which is no month."""
+    path = tmp_path / "rig.csv"
+    times = every(60, datetime.datetime(2026, 3, 14, 23, 20))
+    rows = (f"{at:{date}},{at:{clock}},{a},{b}\n" for at, a, b in zip(times, U, Y, strict=True))
+    path.write_text("Date,Time,u,y\n" + "".join(rows))
+    record = read_record(path)
+    assert (len(record.data.u), record.data.Ts) == (N, 60.0)
+    assert any("'Date' and 'Time' were read together" in note for note in record.notes)
+
+
+def test_a_date_with_points_is_no_number_to_correct(tmp_path):
+    path = tmp_path / "rig.csv"
+    rows = (f"{at:%d.%m.%Y},{at:%H:%M:%S},{a},{b}\n" for at, a, b in zip(every(60), U, Y, strict=True))
+    path.write_text("Date,Time,Valve,Gauge\n" + "".join(rows))
+    with pytest.raises(InputError, match="name one with --input and one with --output"):
+        read_record(path)
+    assert read_record(path, input="Valve", output="Gauge").data.Ts == 60.0
