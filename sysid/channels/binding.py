@@ -3,14 +3,16 @@
 Then the numbers of a column become the values of a channel in SI.
 """
 
+from typing import Any
+
 import numpy as np
 
 from sysid.base.errors import InputError, printable
 from sysid.channels.clock import digits_of_a_day, unit_of_clock
-from sysid.channels.column import column_of, label, numbers, parse_header, unit_in_brackets
+from sysid.channels.column import column_of, full_name, label, numbers, parse_header, unit_in_brackets
 from sysid.channels.complaints import brief
 from sysid.channels.conversion import COUNTS, Conversion, convert, is_time, seconds
-from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock
+from sysid.channels.mapping import ROLES, Channel, ChannelMap, Clock, Range
 from sysid.data.hexadecimal import with_words
 from sysid.data.table import Table
 from sysid.data.words import with_sign
@@ -67,6 +69,25 @@ def check_mapping(table: Table, mapping: ChannelMap) -> None:
             f"{table.path}: no sampling time is given; give it with --ts SECONDS or name a time column with --time "
             "(in a mapping: Ts or column of [clock])"
         )
+
+
+def with_full_names(table: Table, mapping: ChannelMap) -> ChannelMap:
+    """The mapping with the names of its columns in full, where it leaves their units out."""
+
+    def full(part: Clock | Channel | Range, *entries: str) -> Any:
+        names = {entry: getattr(part, entry) for entry in entries}
+        changed = {entry: whole for entry, name in names.items() if name and (whole := full_name(table, name)) != name}
+        return part.model_copy(update=changed) if changed else part
+
+    changes: dict[str, Any] = {
+        role: tuple(full(channel, "column") for channel in getattr(mapping, role)) for role in ROLES
+    }
+    changes = {role: channels for role, channels in changes.items() if channels != getattr(mapping, role)}
+    clock = full(mapping.clock, "column")
+    changes |= {} if clock is mapping.clock else {"clock": clock}
+    part = full(mapping.range, "drive", "active", "experiment")
+    changes |= {} if part is mapping.range else {"range": part}
+    return mapping.model_copy(update=changes) if changes else mapping
 
 
 def names_of(mapping: ChannelMap) -> tuple[dict[str, str], tuple[str, ...]]:

@@ -77,6 +77,14 @@ def label(name: str, role: str, unit: str = "") -> str:
     return role if name.isdigit() else parse_header(name, unit).base.replace("_", " ").strip() or role
 
 
+def full_name(table: Table, name: str) -> str:
+    """The column that a person names without its unit: temp for `temp [degC]`, where that is the only one."""
+    if name in table.names:
+        return name
+    like = [full for full in table.names if parse_header(full, table.units.get(full, "")).base == name.strip()]
+    return like[0] if len(like) == 1 else name
+
+
 def unit_in_brackets(name: str) -> str:
     """What stands where the name of a clock has its unit: the unit if it is one of time in other letters (MS, Min)."""
     for form in _WRITTEN:

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 
 import numpy as np
@@ -20,6 +20,7 @@ from sysid.channels.clock import (
 from sysid.channels.clock_choice import ClockChoice, choose_clock, clock_of_column, uneven_time
 from sysid.channels.column import (
     Column,
+    full_name,
     misspelt_number,
     numbers,
     numeric_columns,
@@ -105,6 +106,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     """
     if not isinstance(table, Table):
         table = read_table(table)
+    given = _with_full_names(table, given)
     named = (given.input, given.output, given.time, *chain.from_iterable((given.more or {}).values()))
     table, rigs, turns = in_blocks(table, used=named)
     table = oldest_first(table)
@@ -183,6 +185,13 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
         used = {mapping.range.drive, *named, *(column.name for column in roles.values() if column is not None)}
         why += note_on_stretches(table, signals, used)
     return Guess(mapping, tuple(why), tuple(unclear), remarks)
+
+
+def _with_full_names(table: Table, given: Given) -> Given:
+    """What is given with the columns' names in full."""
+    u, y, t = (name and full_name(table, name) for name in (given.input, given.output, given.time))
+    more = {role: tuple(full_name(table, name) for name in names) for role, names in (given.more or {}).items()}
+    return replace(given, input=u, output=y, time=t, more=more or None)
 
 
 def _with_clock(table: Table, clock: Clock, channel: Channel) -> Channel:

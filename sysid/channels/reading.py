@@ -15,7 +15,14 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, printable
-from sysid.channels.binding import channel_values, check_mapping, names_of, with_header_units, with_hexadecimal
+from sysid.channels.binding import (
+    channel_values,
+    check_mapping,
+    names_of,
+    with_full_names,
+    with_header_units,
+    with_hexadecimal,
+)
 from sysid.channels.column import numbers
 from sysid.channels.corrections import filling_of, interpolation_of, note_on_loose_stamps, sampling_of
 from sysid.channels.experiments import alone, cut, join, note_on_falls, pieces_of
@@ -114,7 +121,7 @@ def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Si
 
     Raises InputError that names file, row and column for what the mapping's repairs do not cover.
     """
-    mapping, guessed = complete(table, mapping)
+    mapping, guessed = complete(table, with_full_names(table, mapping))
     table, _, turns = in_blocks(table, mapping.range.experiment) if mapping.range.experiment else (table, "", "")
     table = oldest_first(table)
     notes, drive = (*notes, *guessed), mapping.range.drive
