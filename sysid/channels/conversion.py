@@ -42,6 +42,7 @@ DIGITS = re.compile(r"(?:[yj]{2,4}m{2}[dt]{2})?(?:h{2}m{2}(?:s{1,2})?|hms)")
 
 
 SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
+KEPT = ("degC", "°C", "K", "bar", "mbar", "l/min", "L/min")  # known of processes, and read as they are
 COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one
 DEFINITIONS = """
 nano- = 1e-9 = n-
@@ -132,7 +133,7 @@ def time_word(name: str) -> str:
 @lru_cache(1024)  # units come from files: a long session may meet any number of them
 def _convert(text: str) -> Conversion:
     """The conversion of a text without blanks around it."""
-    if text in SI or text == COUNTS:
+    if text in (*SI, *KEPT, COUNTS):
         return Conversion(text, 1.0)
     if text == "":
         return Conversion("", 1.0, False)

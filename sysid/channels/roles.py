@@ -172,8 +172,10 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
     ]
     if len(moving_columns) != 1:
         return None
-    speed = role == "output" and moving_columns[0].header.has(SPEED) and not moving_columns[0].header.has(NEVER)
-    if not speed and role_by_name(moving_columns[0]) not in ("", role):
+    header = moving_columns[0].header
+    responses = SPEED | WEAK_OUTPUT if len(columns) == 2 else SPEED  # a temperature beside a heater and no third column
+    response = role == "output" and header.has(responses) and not header.has(NEVER)
+    if not response and role_by_name(moving_columns[0]) not in ("", role):
         return None
     why.append(f"column {moving_columns[0].name!r} is the {role}: it is the only other one")
     return moving_columns[0]

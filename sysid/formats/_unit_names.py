@@ -16,7 +16,7 @@ PREFIXED = "s|V|A|m|g|N|Nm|Pa|J|W|Wh|F|H|Hz|T|C|K|Ω|Ohm|ohm|rad|bar|sec|Ah"
 PLAIN = (
     "min|h|hr|hrs|deg|mdeg|°|º|rpm|RPM|rps|rev|revs|turns?|°C|º ?C|degC|°F|degF|degrees?C|%|percent|pct|counts?|cts|"
     "ticks?|steps?|LSB|lsb|digits?|pulses?|samples?|bits?|in|inch|inches|ft|feet|lb|lbs|lbf|ozf?|psi|dB|ppm|ppr|cpr|kgf|gon|"
-    "Grad|[Gg]rados?|[Dd]egrés?|G|dps|px|V_?rms|Vpp|mmHg|rad"
+    "[lL]/min|Grad|[Gg]rados?|[Dd]egrés?|G|dps|px|V_?rms|Vpp|mmHg|rad"
 )
 WORDS = (
     "(?:nano|micro|milli|centi|kilo|mega)?(?:seconds?|volts?|amps?|amperes?|met(?:er|re)s?|grams?|newtons?|pascals?|"
