@@ -7,6 +7,7 @@ import numpy as np
 from sysid.channels.column import Column, Header, misspelt_number, parse_header, words
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import convert
+from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
 
 COUNTERS = words("index idx sample samples k n i row seq sequence frame counter count id")
@@ -271,6 +272,11 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         if len(frozen) == 1 and len(missing) == 1:
             remedy = f"record again while the {missing[0]} moves, or give a log that has it"
         return [f"{inventory}{clock}{frozen_note}, and no column that moves is left for the {left_open}; {remedy}"]
+    if words := [name for name in columns_of_words(table) if name not in columns]:
+        return [
+            f"{inventory}{clock}; hexadecimal words without 0x are in {list_names(words)}: set base = 16 for each in a "
+            "mapping (qpal info FILE --write-map MAP.toml writes one)"
+        ]
     option = "--input or --output" if len(missing) == 2 else f"--{missing[0]}"
     other = f"; if {clocks[0]} is no time, name it with {option}" if len(clocks) == 1 else ""
     if clocks and len(missing) == 1 and len(signals) == 1:

@@ -108,6 +108,10 @@ class Texts(Sequence[str]):
         """The texts of some rows (m,)."""
         return Texts(self._series.gather(rows))
 
+    def equal(self, text: str) -> np.ndarray:
+        """Which cells (n,) are this text."""
+        return (self._series == text).to_numpy()
+
     def numbers(self, decimal: str = ".") -> np.ndarray:
         """The cells (n,) as float64 as Python reads them; nan for one that is no number."""
         import polars

@@ -144,7 +144,29 @@ class Body:
             parts, parts_of[j] = parts_of[j], None  # one column after the other: no number is held twice for long
             self.columns.append(texts[j] if parts is None else np.concatenate(parts) if parts else np.empty(0))
         self.rows = _join_rows(rows)
+        if len(texts) == self.layout.width:
+            self._drop_names(list(texts.values()))
         return None
+
+    def _drop_names(self, texts: list[Texts]) -> None:
+        """Leaves out rows that hold the names again, which a logger writes as it starts, where a clock tells what they
+        part: a column that rises in all rows, or falls at each of them and nowhere else.
+        """
+        again = np.logical_and.reduce([text.equal(name) for text, name in zip(texts, self.names, strict=True)])
+        kept = np.flatnonzero(~again)
+        if not again.any() or not len(kept):
+            return
+        places = np.unique(np.cumsum(~again)[again])  # the rows behind them, among those that are kept
+        columns = [text.taken(kept) for text in texts]
+        values = [text.numbers(self.decimal) for text in columns]
+        starts = places[(places > 0) & (places < len(kept))].tolist()
+        clocks = [x for x in values if (np.flatnonzero(np.diff(x) <= 0) + 1).tolist() in ([], starts)]
+        if not any(np.isfinite(x).all() for x in clocks):
+            return
+        self.columns = [text if np.isnan(x).any() else x for text, x in zip(columns, values, strict=True)]
+        shown = ", ".join(str(self.rows[int(k)]) for k in np.flatnonzero(again)[:6])
+        self.notes.append(f"left out {int(again.sum())} row(s) that hold the names again (row {shown})")
+        self.rows = array("q", [self.rows[int(k)] for k in kept])
 
     def _texts(self, columns: list[int]) -> dict[int, Texts]:
         import polars

@@ -113,3 +113,17 @@ def test_a_clock_set_back_by_a_round_number_is_no_counter(tmp_path):
     u, y = first_order(180, 7)
     path = write(tmp_path / "a.csv", t - np.where(np.arange(180) >= 100, 60.0, 0.0), u, y)
     assert sysid.read(path).lengths == (100, 80)
+
+
+@pytest.mark.parametrize("begins", [0.0, 1.0, 30.0])
+def test_names_that_stand_again_where_a_log_begins_are_no_row(begins, tmp_path):
+    """The clock starts again, goes on, or goes on behind a pause: as without the names."""
+    path = tmp_path / "a.csv"
+    two(path, 0.01 * np.arange(100), begins + 0.01 * np.arange(80))
+    lines = path.read_text().splitlines()
+    expected = read_record(path).data
+    path.write_text("\n".join([*lines[:101], lines[0], *lines[101:], ""]))
+    record = read_record(path)
+    assert record.data.lengths == expected.lengths == ((100, 80) if begins != 1.0 else (180,))
+    np.testing.assert_array_equal(record.data.y, expected.y)
+    assert any("left out 1 row(s) that hold the names again (row 102)" in note for note in record.notes)

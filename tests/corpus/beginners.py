@@ -1,6 +1,6 @@
 """Logs that led a newcomer in a circle: each is read, or its first sentence is the one that helps."""
 
-from corpus._log import ROWS, SEMI, Log, Right, U, Y, log, refused, with_row
+from corpus._log import PAIRS, ROWS, SEMI, Log, Right, U, Y, log, refused, with_row
 
 HEAD = "time [s],voltage [V],angle [rad]\n"
 STILL_U = HEAD + "".join(f"{k / 10},12,{y:g}\n" for k, y in enumerate(Y))
@@ -22,9 +22,15 @@ LOGS: dict[str, Log] = {
     # one header too many
     "the header again where the time goes on": log(
         HEAD + with_row(7, HEAD.strip() + "\n" + ROWS.splitlines()[6]),
-        refused("row 8", "the header again", "split it there", "remove the row"),
     ),
-    "two logs under one another": log(HEAD + ROWS + HEAD + ROWS, refused("row 14", "the header again", "split")),
+    "two logs under one another": log(HEAD + ROWS + HEAD + ROWS, Right(u=U + U, y=Y + Y)),
+    "two logs under one another without a clock": log(
+        2 * ("voltage [V],angle [rad]\n" + PAIRS), refused("row 14", "the header again", "split it there"), Ts=0.1
+    ),
+    "hexadecimal words without 0x": log(
+        "time [ms],command,position\n" + "".join(f"{100 * k},F{k:X}A,{k:X}F\n" for k in range(12)),
+        refused("hexadecimal words without 0x are in command, position: set base = 16"),
+    ),
     # nothing that moves
     "a constant input": log(STILL_U, refused("voltage [V] never changes", "record again while the input moves")),
     "a constant input, named": log(
