@@ -96,7 +96,8 @@ def _reason(result: Identification) -> str:
 def following(result: Identification, model: str = "") -> str:
     """The next step: a command, or what to record."""
     if result.next is not None:
-        return f"Next: {result.next.command}"
+        first = f"{result.next.why.rpartition(': ')[2]}; then " if NO_VALUE in result.next.why else ""
+        return f"Next: {first}{result.next.command}"  # the same command on the same file is no step
     if word(result) == POOR:
         actions = [a.action for a in result.advice if a.severity == "warning" and a.action]
         todo = actions[0] if actions else "record again with an input that shows more of the system"

@@ -32,6 +32,7 @@ def test_the_model_is_refused_and_the_remedy_gives_the_plant(tmp_path: Path, col
     assert first.word == "poor"
     assert "-999, far outside the others, as a number that stands for none: " in first.sentence
     assert ("remove the rows" if column == 1 else "empty these cells") in first.sentence
+    assert first.next.startswith(f"Next: {first.sentence.rpartition(': ')[2].rstrip('.')}; then qpal identify")
     second = fitted("")
     assert second.evaluation.judged_fit > 98.0
     assert answer(second).word == "good"
