@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Origin:
-    """Names and units of the estimation data, its number of samples, and the fit [%] of the free run there."""
+    """Names and units of the estimation data, its number of samples, and the fit [%] of the free run there.
+
+    `inputs` and `outputs` are the columns of the file that the data came from, () where they came from none.
+    """
 
     u_name: str
     y_name: str
@@ -30,6 +33,8 @@ class Origin:
     y_unit: str
     samples: int
     fit: float
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, data: IOData, fit: float) -> "Origin":

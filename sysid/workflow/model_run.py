@@ -92,6 +92,7 @@ def run_file(
     if horizon is not None and horizon < 1:
         raise InputError(f"--horizon is {horizon}; give a number of samples of at least 1")
     (model_file,) = load_models([model])
+    reading = reading.named_by([model_file.fit])
     try:
         record = reading.record()
     except InputError:
@@ -272,7 +273,7 @@ def run_models(paths: list[str], reading: Reading) -> Models:
     Raises InputError where a model and the record do not belong together.
     """
     saved = load_models(paths)
-    record = reading.record()
+    record = reading.named_by([model.fit for model in saved]).record()
     runs, common = [], tuple(record.notes)
     for model in saved:
         try:

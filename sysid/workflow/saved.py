@@ -1,6 +1,7 @@
 """A model as files, and a saved model with a record to run it on: same channels, same units, same sampling time."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from pathlib import Path
@@ -10,9 +11,12 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.quantities import display_quantity, percent
 from sysid.base.rates import drift_note, same_rate
+from sysid.channels.column import label
 from sysid.channels.mapping import Range
+from sysid.channels.signals import Signals
 from sysid.data.preprocess import DETREND, detrend, resample
 from sysid.data.record import IOData
+from sysid.data.table import Table
 from sysid.diagnosis.residuals import poor
 from sysid.estimation.free_run import beyond
 from sysid.estimation.joint_parts import is_joint, motor_of
@@ -20,7 +24,7 @@ from sysid.estimation.result import Fit
 from sysid.export import c as export_c
 from sysid.export import python as export_python
 from sysid.fitting import load, save
-from sysid.formats import TABLE
+from sysid.formats import TABLE, read_table
 from sysid.joint.course import output_falls
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE as STRUCTURES
@@ -41,12 +45,15 @@ class Exports:
     notes: tuple[str, ...] = ()
 
 
-def export(evaluation: Evaluation, folder: Path) -> Exports:
-    """model.json, model.c with model.h, and model.py in `folder`.
+def export(evaluation: Evaluation, folder: Path, signals: Signals | None = None) -> Exports:
+    """model.json, model.c with model.h, and model.py in `folder`; the model knows the columns of `signals`.
 
     The code uses the levels of the record, means included.
     """
     fit = _with_warnings(evaluation)
+    if signals is not None and fit.origin is not None:
+        inputs, outputs = (tuple(signal.column for signal in role) for role in (signals.input, signals.output))
+        fit = replace(fit, origin=replace(fit.origin, inputs=inputs, outputs=outputs))
     try:
         save(fit, folder / "model.json")
         export_c.write(fit, folder / "model.c")
@@ -181,6 +188,36 @@ class Reading:
         return read_record(
             self.path, self.input, self.output, self.Ts, self.time, self.mapping, self.range, self.time_unit
         )
+
+    def named_by(self, fits: Sequence[AnyFit]) -> "Reading":
+        """The same, with the columns by the names that the fits know, where none is named.
+
+        Only columns that the file has, and only where all fits that find theirs mean the same; of a file without the
+        outputs the inputs alone.
+        """
+        if self.input is not None or self.output is not None or self.mapping is not None:
+            return self
+        table = read_table(self.path)
+        found = {_known_columns(fit, table) for fit in fits} - {("", "")}
+        u, y = found.pop() if len(found) == 1 else ("", "")
+        return replace(self, input=u or None, output=y or None)
+
+
+def _known_columns(fit: AnyFit, table: Table) -> tuple[str, str]:
+    """The columns "a,b" of a table that were input and output of a fit's record, "" for those that it lacks.
+
+    By the columns of the fit's file; where the file of the model is older and does not hold them, by name without unit.
+    """
+    if fit.origin is None:
+        return "", ""
+    roles = (("input", fit.origin.inputs, fit.origin.u_name), ("output", fit.origin.outputs, fit.origin.y_name))
+    found = []
+    for role, columns, name in roles:
+        alike = [column for column in table.names if label(column, role, table.units.get(column, "")) == name]
+        columns = columns or (tuple(alike) if len(alike) == 1 else ())
+        is_plain = len(columns) == 1 or not any("," in column for column in columns)
+        found.append(",".join(columns) if is_plain and columns and set(columns) <= set(table.names) else "")
+    return found[0], found[1]
 
 
 def data_for(fit: AnyFit, record: Record, reading: Reading) -> tuple[IOData, tuple[str, ...]]:

@@ -36,9 +36,8 @@ def demo(out: options.Out = None, as_json: options.Json = False) -> None:
             result = identify_file(folder / "log.csv", setting, progress=console.Searches(step))
             step("drawing")
             true = twin_truth(JOINT, TS)
-            page = report.page(
-                identified.page(result, export(result.evaluation, scratch)), result, true, folder / "log.csv"
-            )
+            exports = export(result.evaluation, scratch, result.record.signals)
+            page = report.page(identified.page(result, exports), result, true, folder / "log.csv")
             summary = {**result.as_dict(), "truth": true}
             write(scratch, page, summary)
     console.finish(folder, summary, as_json, [], report.open_values(result, folder / "log.csv"), page.answer)

@@ -142,7 +142,7 @@ def identify(
             preparation=preparation,
         )
         step("drawing")
-        exports = export(result.evaluation, scratch)
+        exports = export(result.evaluation, scratch, result.record.signals)
         page = report.page(result, exports, shlex.quote(str(folder / MODEL_FILE[0])))
         write(scratch, page, result.as_dict())
     tables, sentences = report.terminal_tables(result), report.terminal_sentences(result)

@@ -1,0 +1,63 @@
+"""A saved model reads another file of the same columns without being told which they are."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+
+from twin.cli import main
+
+NAMES = {  # header, and the columns as options: names that say no role, or say one twice
+    "one": ("time [s],pressure [bar],heater [%],temperature [degC]", "heater [%]", "temperature [degC]"),
+    "two": ("time [s],valve [V],pump [V],level [cm]", "valve [V],pump [V]", "level [cm]"),
+}
+
+
+def write(path, head, seed):
+    """A lag under both columns, of which the first is weak where the model leaves it out."""
+    rng = np.random.default_rng(seed)
+    u, y = np.repeat(rng.uniform(1.0, 9.0, (120, 2)), 5, axis=0), np.zeros(600)
+    for t in range(1, 600):
+        y[t] = 0.9 * y[t - 1] + u[t - 1] @ ([0.0, 0.2] if "heater" in head else [0.1, 0.2])
+    y += 0.02 * rng.standard_normal(600) + 20.0
+    rows = np.column_stack([np.arange(600.0), u, y]).tolist()
+    path.write_text("\n".join([head, *(",".join(map(repr, row)) for row in rows)]) + "\n")
+
+
+@pytest.mark.parametrize("case", NAMES)
+def test_the_step_that_identify_names_runs_on_a_second_file(case, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    head, u, y = NAMES[case]
+    write(tmp_path / "first.csv", head, 0)
+    write(tmp_path / "second.csv", head, 1)
+    setting = ["--structure", "output_error", "--orders", "1,1,1"]
+    assert main(["identify", "first.csv", "--input", u, "--output", y, *setting, "--out", "fit"]) == 0
+    printed = capsys.readouterr().out
+    step = next(line for line in printed.splitlines() if "qpal run" in line)
+    words = shlex.split(step[step.index("qpal run") :].replace("FILE", "second.csv"))[1:]
+    assert main([*words, "--out", "run", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert (found["read"]["input"], found["read"]["output"]) == (u, y)
+    assert found["fit_percent"]["free_run"] > 95.0
+    document = json.loads((tmp_path / "fit" / "model.json").read_text())
+    (tmp_path / "other.json").write_text(json.dumps(document))
+    assert main(["run", "fit/model.json", "other.json", "second.csv", "--json", "--out", "both"]) == 0
+    assert json.loads(capsys.readouterr().out)["models"][1]["fit_percent"] == found["fit_percent"]["free_run"]
+    if case == "one":  # a file of an earlier version holds the names alone
+        del document["origin"]["inputs"], document["origin"]["outputs"]
+        (tmp_path / "old.json").write_text(json.dumps(document))
+        assert main(["run", "old.json", "second.csv", "--json", "--out", "old"]) == 0
+        assert json.loads(capsys.readouterr().out)["read"]["input"] == u
+
+
+def test_what_is_named_wins(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    head, u, y = NAMES["one"]
+    write(tmp_path / "first.csv", head, 0)
+    setting = ["--structure", "output_error", "--orders", "1,1,1", "--out", "fit"]
+    assert main(["identify", "first.csv", "--input", u, "--output", y, *setting]) == 0
+    swapped = ["--input", "pressure [bar]", "--output", y]
+    capsys.readouterr()
+    assert main(["run", "fit/model.json", "first.csv", *swapped, "--out", "run"]) == 2
+    assert "the input is in" in capsys.readouterr().err
