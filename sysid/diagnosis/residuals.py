@@ -19,6 +19,7 @@ from sysid.base.handlers import Shown
 from sysid.base.quantities import probability
 
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
+UNTESTED = "no residual tests: "  # a note that begins so gives the reason
 MEANINGS = {
     "e with u^2": "an even nonlinearity of the input is missing",
     "e^2 with u^2": "the size of the error depends on the size of the input: a map or a noise level is missing",

@@ -80,7 +80,7 @@ def sentence(result: Identification) -> str:
         return "All of the record was used for the fit, so no fit to unseen data is known."
     if said := _computed(result):
         return f"{capital(said)}."
-    left = verdict.left_in_words(e.tests)
+    left = verdict.left_in_words(e.tests, e.notes)
     return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
 
 

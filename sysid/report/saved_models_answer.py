@@ -52,7 +52,7 @@ def word(result: ModelRun) -> Word:
 def sentence(result: ModelRun) -> str:
     """Why the word."""
     fall = fell(result.model.estimation, result.percent)
-    text = result.next.why if result.next is not None else fall or left_in_words(result.tests)
+    text = result.next.why if result.next is not None else fall or left_in_words(result.tests, result.notes)
     return f"{capital(text)}."
 
 

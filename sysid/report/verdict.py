@@ -1,11 +1,13 @@
 """Sentences on a fit: what it is worth, what its residuals show, and where its free run leaves the data."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sysid.base.quantities import capital, display_quantity, number, percent, poles, probability
 from sysid.blocks import Polynomial
 from sysid.blocks._shape import Shape, is_named
-from sysid.diagnosis.residuals import ResidualTests, poor
+from sysid.diagnosis.residuals import UNTESTED, ResidualTests, poor
 from sysid.drawing.departure import departure
 from sysid.estimation.result import Fit
 from sysid.report.bands import bands
@@ -145,7 +147,7 @@ def tests_in_words(evaluation: Evaluation) -> str:
     """What is left of the output, with the numbers of both tests."""
     t = evaluation.tests
     if t is None:
-        return "The validation data are too short for residual tests."
+        return f"{capital(left_in_words(t, evaluation.notes))}."
     kind = "one-step-ahead residuals" if one_step(evaluation) else "residuals"
     outside = f"{t.whiteness_outside} of {len(t.lags) - 1} lags outside"
     return (
@@ -154,10 +156,11 @@ def tests_in_words(evaluation: Evaluation) -> str:
     )
 
 
-def left_in_words(tests: ResidualTests | None) -> str:
-    """What is left of the output; with memory where it is coloured."""
+def left_in_words(tests: ResidualTests | None, notes: Sequence[str] = ()) -> str:
+    """What is left of the output, with memory where it is coloured; without tests the reason that `notes` give."""
     if tests is None:
-        return "the data are too short to test what is left"
+        reason = next((note.removeprefix(UNTESTED) for note in notes if note.startswith(UNTESTED)), "")
+        return f"what is left is not tested{f': {reason}' if reason else ''}"
     if tests.independent:
         return f"the input's effect is captured; what is left is {'noise' if tests.white else 'noise with memory'}"
     return "what is left still depends on the input"

@@ -14,7 +14,14 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import Channels, Innovations
 from sysid.blocks.offset import is_offset
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import POOR, HigherOrderTests, ResidualTests, higher_order_tests, residual_tests
+from sysid.diagnosis.residuals import (
+    POOR,
+    UNTESTED,
+    HigherOrderTests,
+    ResidualTests,
+    higher_order_tests,
+    residual_tests,
+)
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
@@ -167,7 +174,7 @@ def _residual_tests(
         later = isinstance(fit, Fit) and fit.predicts  # an input at the same time may come from the error by feedback
         return tests, higher_order_tests(e[later:, 0], u[: len(u) - later, 0]), (), []
     except InputError as error:
-        return tests, None, (), [f"no residual tests: {error}"]
+        return tests, None, (), [f"{UNTESTED}{error}"]
 
 
 def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: bool) -> list[str]:
@@ -321,6 +328,8 @@ def residuals_and_inputs(fit: Fit | NlarxFit, data: IOData) -> tuple[np.ndarray,
 def tests_of_outputs(fit: Fit, data: IOData) -> tuple[ResidualTests, ...]:
     """The tests of each output's residuals, with the input of which they are least independent."""
     e, u = residuals_and_inputs(fit, data)
+    if not np.all(np.isfinite(e)):
+        raise InputError(f"no residuals to test: {fit.divergence(data)}")
     return tuple(worst_tests([residual_tests(residuals, x) for x in u.T]) for residuals in e.T)
 
 

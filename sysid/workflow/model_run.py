@@ -11,13 +11,13 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import ResidualTests, poor
+from sysid.diagnosis.residuals import UNTESTED, ResidualTests, poor
 from sysid.estimation.free_run import beyond, quiet
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
 from sysid.workflow.results import NextStep
-from sysid.workflow.saved import Reading, Saved, data_for, fell, load_models, remarks
+from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks
 
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
 CLOSE = 0.5  # points of fit within which a smaller model is as good
@@ -118,10 +118,9 @@ def on_record(
     percents = _percents(data, y, counts)
     tests, sentences = None, [*notes, *remarks(fit, data, y)]
     try:
-        tests = fit.residual_tests(data)
+        tests = _tests(fit, data)
     except InputError as error:
-        if data.y.shape[1] == 1:
-            sentences.append(f"no residual tests: {error}")
+        sentences.append(f"{UNTESTED}{error}")
     fall = fell(saved.estimation, float(np.mean(percents)))
     sentences += [fall] if fall else []
     prediction = None if horizon is None else _predict_ahead(saved, data, counts, horizon)
@@ -130,6 +129,15 @@ def on_record(
     rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
     result = ModelRun(saved, record, data, y, percents, rmse, n, prediction, tests, tuple(sentences))
     return ModelRun(**{**vars(result), "next": _next(result, reading)})
+
+
+def _tests(fit: AnyFit, data: IOData) -> ResidualTests:
+    """The tests of the residuals; of several inputs or outputs the worst count."""
+    if isinstance(fit, NlarxFit) or fit.model.channels == (1, 1):
+        return fit.residual_tests(data)
+    from sysid.workflow.evaluation import tests_of_outputs, worst_tests
+
+    return worst_tests(tests_of_outputs(fit, data))
 
 
 def scored(data: IOData, n: int) -> np.ndarray:

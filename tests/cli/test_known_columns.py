@@ -2,10 +2,17 @@
 
 import json
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import sysid
+from sysid.channels.mapping import Range
+from sysid.report.saved_models_answer import of_run
+from sysid.workflow.model_run import run_file
+from sysid.workflow.record import read_record
+from sysid.workflow.saved import Reading
 from twin.cli import main
 
 NAMES = {  # header, and the columns as options: names that say no role, or say one twice
@@ -61,3 +68,20 @@ def test_what_is_named_wins(tmp_path, capsys, monkeypatch):
     capsys.readouterr()
     assert main(["run", "fit/model.json", "first.csv", *swapped, "--out", "run"]) == 2
     assert "the input is in" in capsys.readouterr().err
+
+
+def test_what_is_left_of_two_inputs_is_tested(tmp_path):
+    """By the input of which it is least independent: here the first, whose gain is halved."""
+    head, u, y = NAMES["two"]
+    write(tmp_path / "first.csv", head, 0)
+    data = read_record(tmp_path / "first.csv", u, y).data
+    fit = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1, nu=2, offset="free"), data)
+    wrong = replace(fit, theta=fit.theta * np.where(np.arange(len(fit.theta)) == 0, 0.5, 1.0))
+    for model, is_independent in ((wrong, False), (fit, True)):
+        path = model.save(tmp_path / "model.json")
+        run = run_file(str(path), Reading(str(tmp_path / "first.csv"), u, y))
+        assert run.tests is not None
+        assert run.tests.independent == is_independent
+    short = run_file(str(path), Reading(str(tmp_path / "first.csv"), u, y, range=Range(stop=90.0)))
+    assert short.tests is None
+    assert "too few for lags" in of_run(short).sentence  # the true reason, not another

@@ -1,7 +1,7 @@
 """The first screen of `qpal compare`: how far the other side is from the log, and whether that is explained."""
 
 from sysid.base.quantities import capital, display_quantity, number, percent
-from sysid.diagnosis.residuals import poor
+from sysid.diagnosis.residuals import UNTESTED, poor
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Picture
 from sysid.report.sections import NOT_KNOWN, decimals, fixed_point
@@ -55,7 +55,7 @@ def sentence(result: Comparison) -> str:
     if result.kind == LOG:
         return "Noise alone makes them differ." if word(result) == GOOD else "They differ by more than noise."
     if result.verdict is None:
-        return f"{capital(left_in_words(result.tests))}."
+        return f"{capital(left_in_words(result.tests, [f'{UNTESTED}the log is too short']))}."
     return _of_twin(result.verdict)
 
 
