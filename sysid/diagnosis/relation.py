@@ -25,8 +25,8 @@ def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
         u = channel(data, "u", i)
         d = delay_from_input(white, i, LEVEL)
         nk = nk if d.nk is None else d.nk
-        yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk)
-        yield _computed(u, y) if is_computed(white, i) else _feedback(u, y, feedback(white, i))
+        yield _no_lag(u, y, d, data, white, i) if d.nk is None else _delay(u, y, d, d.nk, data)
+        yield _computed(u, y, data) if is_computed(white, i) else _feedback(u, y, feedback(white, i), _is_single(data))
         if d.models:
             yield _rate(data, d, u, y)
     yield _nonlinearity(data, white, y, nk)
@@ -55,17 +55,17 @@ def _drift(y: str, white: Whitened) -> Advice:
 def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> Advice:
     """No linear effect: of a nonlinear one, or of none, which wakes the suspicion that the columns are not a pair."""
     lags = f"lags 0..{d.high} of {u}"
-    p = bent_effect(white, i)
+    p, is_single = bent_effect(white, i), _is_single(data)
     if p < LEVEL:
         return Advice(
             "delay",
             f"{lags} together show no linear effect on {y} ({probability(d.p)}), but a nonlinear one "
             f"({probability(p)})",
             float("nan"),
-            "increase the excitation, or search the structures for a nonlinear model",
+            f"increase the excitation, or {'search the structures for' if is_single else 'fit'} a nonlinear model",
             "note",
-            call="sysid.select(data).fit",
-            command=("identify", "--structure", "auto"),
+            call="sysid.select(data).fit" if is_single else "",
+            command=("identify", "--structure", "auto" if is_single else "hammerstein_wiener"),
         )
     if abs(float(np.corrcoef(white.X[:, white.lags(i).start], white.y)[0, 1])) > _TOGETHER:
         return Advice(
@@ -87,38 +87,52 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
     )
 
 
-def _delay(u: str, y: str, d: Delay, nk: int) -> Advice:
+def _delay(u: str, y: str, d: Delay, nk: int, data: IOData) -> Advice:
     interval = "" if d.low == d.high else f", {d.low} to {d.high} with 99 % confidence"
     sentence = f"{y} responds to {u} after {nk} sample(s){interval} ({probability(d.p)} without any response)"
     sentence += f"; {d.limit}" if d.limit else ""
     if nk == 0:
         action = "if the plant has direct feedthrough, use nk=0; otherwise a controller responds within the sample"
-        return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0))
+        return Advice("delay", sentence, 0.0, action, "note", (d.low, d.high), *_orders(0, data))
     action = f"use nk={nk}"
     if d.low < d.high:
         action += f", and compare fits with nk {d.low} to {d.high}"
-    return Advice("delay", sentence, nk, action, "note" if d.limit else "fine", (d.low, d.high), *_orders(nk))
+    return Advice("delay", sentence, nk, action, "note" if d.limit else "fine", (d.low, d.high), *_orders(nk, data))
 
 
-def _orders(nk: int) -> tuple[str, tuple[str, ...]]:
+def _is_single(data: IOData) -> bool:
+    """Whether the record has one input and one output, as some structures and the search over them need."""
+    return data.u.shape[1] == data.y.shape[1] == 1
+
+
+def _call(structure: str, nk: int, data: IOData) -> str:
+    """The call that fits a structure of this delay to a record of so many channels."""
+    size = "" if _is_single(data) else f", nu={data.u.shape[1]}, ny={data.y.shape[1]}"
+    return f"sysid.fit(sysid.structures.{structure}(nb=2, nf=3, nk={nk}{size}), data)"
+
+
+def _orders(nk: int, data: IOData) -> tuple[str, tuple[str, ...]]:
     """The call and the command that fit a linear model of this delay."""
-    call = f"sysid.fit(sysid.structures.output_error(nb=2, nf=3, nk={nk}), data)"
+    call = _call("output_error", nk, data)
     return call, ("identify", "--structure", "output_error", "--orders", f"2,3,{nk}")
 
 
-def _computed(u: str, y: str) -> Advice:
+def _computed(u: str, y: str, data: IOData) -> Advice:
+    """An input of this kind; a model that predicts has one input and one output."""
+    is_single = _is_single(data)
     return Advice(
         "feedback",
         f"{u} {COMPUTED} {y} of the same sample, so a controller computes it, and a fit may find the controller",
         0.0,
-        "record with a reference that changes, or fit a model that predicts, with nk = 1 or more",
+        "record with a reference that changes" + (", or fit a model that predicts, with nk = 1 or more" * is_single),
         "warning",
-        call="sysid.fit(sysid.structures.armax(na=2, nb=2, nc=2, nk=1), data)",
-        command=("identify", "--structure", "armax"),
+        call="sysid.fit(sysid.structures.armax(na=2, nb=2, nc=2, nk=1), data)" if is_single else "",
+        command=("identify", "--structure", "armax") if is_single else (),
     )
 
 
-def _feedback(u: str, y: str, p: float | None) -> Advice:
+def _feedback(u: str, y: str, p: float | None, is_single: bool) -> Advice:
+    """Whether later inputs depend on the output; a model that holds the noise has one input and one output."""
     if p is None:
         return Advice(
             "feedback", f"{u} changes too seldom, or too regularly, to test for feedback from {y}", 1.0, "", "note"
@@ -129,10 +143,11 @@ def _feedback(u: str, y: str, p: float | None) -> Advice:
         "feedback",
         f"feedback from {y} to {u}: later inputs depend on present outputs ({probability(p)})",
         p,
-        "output error is biased in a loop: record in open loop, or fit a model that holds the noise too",
+        "output error is biased in a loop: record in open loop"
+        + (", or fit a model that holds the noise too" if is_single else ""),
         "warning",
-        call="sysid.fit(sysid.structures.armax(), data)",
-        command=("identify", "--structure", "armax"),
+        call="sysid.fit(sysid.structures.armax(), data)" if is_single else "",
+        command=("identify", "--structure", "armax") if is_single else (),
     )
 
 
@@ -150,7 +165,7 @@ def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
             "start linear",
             "fine",
             None,
-            *_orders(nk),
+            *_orders(nk, data),
         )
     return Advice(
         "nonlinearity",
@@ -158,7 +173,7 @@ def _nonlinearity(data: IOData, white: Whitened, y: str, nk: int) -> Advice:
         effect.p_value,
         "add an input or an output map",
         "note",
-        call=f"sysid.fit(sysid.structures.hammerstein_wiener(nb=2, nf=3, nk={nk}), data)",
+        call=_call("hammerstein_wiener", nk, data),
         command=("identify", "--structure", "hammerstein_wiener", "--orders", f"2,3,{nk}"),
     )
 

@@ -117,8 +117,10 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
     """Whether a free run with this fit [%] misses its data by more than noise explains.
 
     A fit below POOR is poor, unless its residuals are white and independent of the input: then noise limits the fit.
+    One of 0 or less explains nothing, whatever the residuals look like: they are the output itself.
     """
-    return not percent >= POOR and not (tests is not None and tests.white and tests.independent)
+    is_limited = percent > 0.0 and tests is not None and tests.white and tests.independent
+    return not percent >= POOR and not is_limited
 
 
 @checked

@@ -16,6 +16,7 @@ import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
 from sysid.excitations import Prbs
+from sysid.model.recipes import Several
 from sysid.structures import TABLE as STRUCTURES
 from sysid.structures import OutputError
 from sysid.workflow.next_step import advice_after_fit
@@ -302,3 +303,23 @@ def test_columns_that_belong_together_are_not_suspected(told):
         assert said in found.sentence
     (found,) = (a for a in told["unrelated"] if a.topic == "delay")
     assert "belong together" in found.action
+
+
+def test_what_is_advised_for_two_inputs_is_fitted_to_them(tmp_path):
+    """A loop on the first input, a bent effect alone of the second: neither call nor command is refused."""
+    loop, y, size = np.zeros(800), np.zeros(800), white(8, 800)
+    noise, other = white(3, 800), white(4, 800)
+    for t in range(1, 800):
+        y[t] = 0.9 * y[t - 1] + 0.2 * loop[t - 1] + 0.3 * noise[t] + 0.6 * (np.abs(size[t - 1]) ** 1.5 - 0.8)
+        loop[t] = other[t] - 0.8 * y[t]
+    data = IOData(np.column_stack([loop, size]), y, TS)
+    found = [a for a in advise(data) if a.severity != "fine"]
+    assert {"feedback", "delay"} <= {a.topic for a in found}
+    for a in found:
+        if "--structure" in a.command:
+            recipe = STRUCTURES[a.command[a.command.index("--structure") + 1]]()
+            assert isinstance(recipe, Several), a
+        if a.call.startswith("sysid.fit"):
+            model = eval(a.call.removeprefix("sysid.fit(").removesuffix(", data)"), {"sysid": sysid})
+            assert model.channels == (2, 1), a
+        assert "armax" not in a.call + a.action

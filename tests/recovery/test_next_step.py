@@ -18,7 +18,7 @@ import sysid
 import twin
 from sysid.base.limits import MORE_STARTS
 from sysid.diagnosis.finding import Advice
-from sysid.diagnosis.residuals import poor
+from sysid.diagnosis.residuals import poor, residual_tests
 from sysid.joint.posterior import _warnings
 from sysid.selection.table import Selection
 from sysid.structures import ActuatedJoint, OutputError
@@ -241,3 +241,12 @@ def test_one_number_of_starts_is_proposed():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sysid.workflow.next_step.command", lambda _, starts: f"--starts {starts}")
         assert _more_starts(result).command == f"--starts {MORE_STARTS}"
+
+
+def test_a_model_that_explains_nothing_is_poor_though_what_is_left_is_white():
+    rng = np.random.default_rng(0)
+    tests = residual_tests(rng.standard_normal(600), rng.standard_normal(600))
+    assert tests.white
+    assert tests.independent
+    assert [poor(percent, tests) for percent in (-20.0, 0.0, 5.0, 85.0)] == [True, True, False, False]
+    assert poor(float("nan"), tests)
