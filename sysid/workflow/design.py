@@ -41,9 +41,14 @@ class Proposal:
 
     @property
     def command(self) -> str:
-        """The command that identifies the joint once the second record exists: of both, if it was made for a use."""
+        """The command that identifies the joint once the second record exists: of both, if it was made for a use.
+
+        The columns are those of the first record, the range is not.
+        """
         files = ["RECORDED.csv"] if self.design.use is None else [str(self.record.path), "RECORDED.csv"]
-        return shlex.join(["qpal", "identify", *files, "--structure", ActuatedJoint.name])
+        pairs = zip(self.record.options[::2], self.record.options[1::2], strict=True)
+        options = [word for pair in pairs if pair[0] != "--range" for word in pair]
+        return shlex.join(["qpal", "identify", *files, *options, "--structure", ActuatedJoint.name])
 
     @property
     def speed(self) -> Quantity:
@@ -112,8 +117,8 @@ def propose(
     if not judgement.joint and not judgement.undetermined:
         prefix = f"{found.stopped}; " if found.stopped else ""
         raise InputError(
-            f"{prefix}{judgement.sentence()} No experiment is designed from it. To see the fit: qpal identify "
-            f"{shlex.quote(str(path))} --structure {ActuatedJoint.name}"
+            f"{prefix}{judgement.sentence()} No experiment is designed from it. To see the fit: "
+            + shlex.join(["qpal", "identify", str(path), *record.options, "--structure", ActuatedJoint.name])
         )
     fit = found.fit
     experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, clock=clock)

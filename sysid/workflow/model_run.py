@@ -17,7 +17,7 @@ from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
 from sysid.workflow.results import NextStep
-from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks
+from sysid.workflow.saved import UNFIT, AnyFit, Reading, Saved, data_for, fell, load_models, remarks
 
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
 CLOSE = 0.5  # points of fit within which a smaller model is as good
@@ -197,16 +197,20 @@ def _predict_ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int)
 
 
 def _next(result: ModelRun, reading: Reading) -> NextStep | None:
-    """A fit of the same structure to this record, where the model does not follow it."""
+    """A fit to this record, where the model does not follow it: of the same structure, if that followed its own."""
     if not poor(result.percent, result.tests):
         return None
     structure = result.model.fit.model.structure
     words = ["qpal", "identify", reading.path, *result.record.options]
-    from sysid.structures import TABLE
+    from sysid.structures import TABLE, NonlinearStateSpace
 
-    if _is_its_own(result):
-        reason = "this model was fitted to this record and does not follow it; search for another structure"
-        return NextStep(reason, shlex.join([*words, "--structure", "auto"]))
+    is_its_own = _is_its_own(result)
+    if is_its_own or any(warning.startswith(UNFIT) for warning in result.model.fit.warnings):
+        is_single = result.data.u.shape[1] == result.data.y.shape[1] == 1  # as a search needs
+        other = "auto" if is_single else NonlinearStateSpace.name
+        reason = "this model was fitted to this record and does not follow it"
+        reason = reason if is_its_own else "this model did not follow its own record and does not follow this one"
+        return NextStep(f"{reason}; search for another structure", shlex.join([*words, "--structure", other]))
     if structure in TABLE:
         words += ["--structure", structure]
     kind = "network" if isinstance(result.model.fit, NlarxFit) else "model"

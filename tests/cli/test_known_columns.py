@@ -3,6 +3,8 @@
 import json
 import shlex
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +12,10 @@ import pytest
 import sysid
 from sysid.channels.mapping import Range
 from sysid.report.saved_models_answer import of_run
+from sysid.workflow.design import Proposal
 from sysid.workflow.model_run import run_file
 from sysid.workflow.record import read_record
-from sysid.workflow.saved import Reading
+from sysid.workflow.saved import UNFIT, Reading
 from twin.cli import main
 
 NAMES = {  # header, and the columns as options: names that say no role, or say one twice
@@ -71,17 +74,27 @@ def test_what_is_named_wins(tmp_path, capsys, monkeypatch):
 
 
 def test_what_is_left_of_two_inputs_is_tested(tmp_path):
-    """By the input of which it is least independent: here the first, whose gain is halved."""
+    """By the input of which it is least independent: here the second, whose gain is halved."""
     head, u, y = NAMES["two"]
     write(tmp_path / "first.csv", head, 0)
     data = read_record(tmp_path / "first.csv", u, y).data
     fit = sysid.fit(sysid.structures.output_error(nb=1, nf=1, nk=1, nu=2, offset="free"), data)
-    wrong = replace(fit, theta=fit.theta * np.where(np.arange(len(fit.theta)) == 0, 0.5, 1.0))
+    halved = np.where(np.array(fit.model.names) == "linear.1,2.b0", 0.5, 1.0)
+    wrong = replace(fit, theta=fit.theta * halved, warnings=(f"{UNFIT}the free run misses the validation data",))
     for model, is_independent in ((wrong, False), (fit, True)):
         path = model.save(tmp_path / "model.json")
         run = run_file(str(path), Reading(str(tmp_path / "first.csv"), u, y))
         assert run.tests is not None
         assert run.tests.independent == is_independent
+        assert (run.next is None) == is_independent
+        if run.next is not None:  # its structure failed on its own record, and a search takes one input
+            assert run.next.command.endswith("--structure state_space")
     short = run_file(str(path), Reading(str(tmp_path / "first.csv"), u, y, range=Range(stop=90.0)))
     assert short.tests is None
     assert "too few for lags" in of_run(short).sentence  # the true reason, not another
+
+
+def test_the_step_of_a_design_reads_the_new_record_as_the_first():
+    record = SimpleNamespace(path=Path("a.csv"), options=("--output", "the angle", "--range", "2:"))
+    proposal = Proposal(record, None, SimpleNamespace(use=None))
+    assert proposal.command == "qpal identify RECORDED.csv --output 'the angle' --structure actuated_joint"

@@ -99,7 +99,9 @@ def test_a_log_of_no_joint_is_told_in_whole_sentences(monkeypatch):
         joint=False, undetermined=False, sentence=lambda: "This record does not show it. Record again."
     )
     data = SimpleNamespace(Ts=0.1, y_unit="rad")
-    monkeypatch.setattr(design_of, "read_record", lambda path, **columns: SimpleNamespace(data=data))
+    monkeypatch.setattr(
+        design_of, "read_record", lambda path, **columns: SimpleNamespace(data=data, options=("--output", "the angle"))
+    )
     monkeypatch.setattr(design_of.ActuatedJoint, "scale", lambda self, data: data)
     monkeypatch.setattr(design_of, "fit_joint", lambda data, **options: SimpleNamespace(stopped="", fit=None))
     monkeypatch.setattr(design_of, "verdict", lambda joint, data: said)
@@ -107,5 +109,5 @@ def test_a_log_of_no_joint_is_told_in_whole_sentences(monkeypatch):
         design_of.propose("a.csv", ())
     assert str(error.value) == (
         "This record does not show it. Record again. No experiment is designed from it. To see the fit: qpal identify "
-        "a.csv --structure actuated_joint"
+        "a.csv --output 'the angle' --structure actuated_joint"
     )
