@@ -9,7 +9,7 @@ from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, Rule, Span
-from sysid.joint.design import Design
+from sysid.joint.design import TARGETS, Design
 from sysid.joint.sampling import response_samples
 from sysid.joint.use import Use
 from sysid.joint.values import JointValue, distinct_values
@@ -31,10 +31,11 @@ def page(result: Proposal, file: str) -> Page:
     )
     data = result.record.data
     picture = Picture.of("experiment", experiment_figure(d, data.u_name, data.y_name), caption)
-    told = values(d)
+    told, (now, then) = values(d), asked(d)
     first = Answer(
-        f"{_determined(d.then)} of {len(told.rows)}",
-        f"values are expected to be determined by this experiment; the first record determines {_determined(d.now)}",
+        f"{_determined(then)} of {len(distinct_values(then))}",
+        f"{'values' if then == d.then else 'values that were asked for'} are expected to be determined by this "
+        f"experiment; the first record determines {_determined(now)}",
         word(d),
         f"{_to_do(result, file)}.",
         picture,
@@ -61,10 +62,20 @@ def _determined(values: Sequence[JointValue]) -> int:
     return sum(v.determined for v in distinct_values(values))
 
 
+def asked(d: Design) -> tuple[tuple[JointValue, ...], tuple[JointValue, ...]]:
+    """The values now and with the experiment: all, or those of its targets where it has not all of them."""
+    names = [name for target in d.targets for name in TARGETS[target]]
+    if d.use is not None or set(d.targets) == set(TARGETS):
+        return d.now, d.then
+    now, then = (tuple(v for v in side if v.name in names) for side in (d.now, d.then))
+    return (now, then) if then else (d.now, d.then)
+
+
 def word(d: Design) -> Word:
-    """Good if the experiment determines all values, poor if it determines no more than the first record."""
-    now, then = _determined(d.now), _determined(d.then)
-    if then == len(distinct_values(d.then)):
+    """Good if the experiment determines all values asked for, poor if it determines no more than the first record."""
+    values_asked = asked(d)
+    now, then = map(_determined, values_asked)
+    if then == len(distinct_values(values_asked[1])):
         return GOOD
     helps = then > now or (d.use is not None and d.use.deviations[1] < d.use.deviations[0])
     return USABLE if helps else POOR

@@ -17,7 +17,7 @@ from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
 from sysid.estimation.result import Fit
-from sysid.joint.design import Design, Phase
+from sysid.joint.design import TARGETS, Design, Phase
 from sysid.joint.values import JointValue
 from sysid.report import design, sections, verdict
 from sysid.report.joint import values_figure
@@ -218,6 +218,20 @@ def test_labels_of_a_designed_experiment_stand_inside_the_picture(units):
         assert figure.bbox.x0 <= label.x0 < label.x1 <= ax.bbox.x0
         assert figure.bbox.y0 <= label.y0 < label.y1 <= figure.bbox.y1
         assert ax.bbox.y0 - 10 <= label.y0 < label.y1 <= ax.bbox.y1 + 10  # beside its own axis
+
+
+def test_a_design_for_one_thing_counts_the_values_of_that():
+    """What it was not asked for is left to the first record."""
+    names = ("breakaway_up", "breakaway_down", "end_low", "end_high")
+    now = tuple(JointValue(name, 1.0, 0.9, 1.1, "V", name.startswith("end")) for name in names)
+    then = tuple(JointValue(name, 1.0, 0.9, 1.1, "V", not name.startswith("end")) for name in names)
+    for targets, asked, word in (
+        (("breakaway",), names[:2], "good"),
+        (tuple(TARGETS), names, "poor"),
+    ):
+        d = Design(targets, np.ones(2), np.ones(2), 0.1, (), 1.0, now, then)
+        assert tuple(v.name for v in design.asked(d)[1]) == asked
+        assert design.word(d) == word
 
 
 @pytest.mark.parametrize(("fits", "words"), [((98.7, 97.0), "stays close to"), ((98.7, 71.8), "not close to them")])

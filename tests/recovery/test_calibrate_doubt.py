@@ -20,6 +20,8 @@ WIDE = Value("thigh.coulomb", "N", 30.0, 30.0, 17.9, 0.0, 203.6, 0.1)  # 10 N of
 EDGE = Value("thigh.asymmetry", "1", 0.1, 0.1, 0.9, 0.88, 0.9, 0.1)
 ABSENT = Value("thigh.stribeck", "1", 0.3, 0.3, 0.0, 0.0, 0.1, 0.5)  # 0 is an effect that is not there
 
+FAR = Value("foot_mass", "kg", 0.05, 0.05, 0.24, 0.201, 0.287, 0.02)  # wide, but nothing in it was plausible before
+
 
 def result(*values, correlation=None, logs=("a.csv",)):
     n = len(values)
@@ -51,10 +53,19 @@ def result(*values, correlation=None, logs=("a.csv",)):
         (WIDE, "anything from 0 to 204 N"),
         (EDGE, "on the upper end of its range, 0.900"),
         (ABSENT, ""),
+        (FAR, ""),
     ],
 )
 def test_why_a_value_is_not_determined(value, words):
     assert advice.reason_undetermined(value) == words
+
+
+def test_logs_tell_every_parameter_only_where_all_are_determined():
+    every = "These logs tell every parameter that was free."
+    for values, is_all in (((FAR, SURE), True), ((WIDE, SURE), False)):
+        told = report.undetermined_sentences(SimpleNamespace(**{**vars(result(*values)), "fixed": {}}))
+        assert (told == [every]) is is_all
+        assert is_all or told[0].startswith("thigh.coulomb: anything from 0 to 204 N. To tell it, ")
 
 
 def test_the_first_sentence_says_what_not_to_use():

@@ -22,12 +22,13 @@ ONE = 0.995  # correlation that is shown as 1.00
 def reason_undetermined(value: Value) -> str:
     """Why the log does not determine the value, in a few words; empty if it does."""
     row = ROWS[value.name]
-    width, reach = value.high - value.low, row.upper - row.lower
+    width, reach, plausible = value.high - value.low, row.upper - row.lower, PLAUSIBLE * scale(value.name, row.nominal)
+    is_news = value.low > row.nominal + plausible / 2 or value.high < row.nominal - plausible / 2  # none was plausible
     q = display_quantity(value.name, value.unit)
     for end, name in ((row.lower, "lower"), (row.upper, "upper")):
         if abs(value.value - end) <= EDGE * reach and end != 0.0:  # at 0 an effect is absent, which may be true
             return f"on the {name} end of its range, {number(q.factor * end, 3)} {q.unit}".rstrip()
-    if width > min(PLAUSIBLE * scale(value.name, row.nominal), MOST * reach):
+    if width > (MOST * reach if is_news else min(plausible, MOST * reach)):
         low, high = (number(q.factor * end, 3) for end in (value.low, value.high))
         return f"anything from {low} to {high} {q.unit}".rstrip()
     return ""

@@ -117,9 +117,11 @@ def _use(item: Run | Score) -> str:
 
 def undetermined_sentences(result: Calibration) -> list[str]:
     """Parameters that these logs do not tell, each with what to record."""
-    if not result.fixed:
+    wide = {row: f"{row}: {reason}." for row, reason in advice.undetermined_rows(result).items()}
+    reasons = wide | dict(result.fixed)
+    if not reasons:
         return ["These logs tell every parameter that was free."]
-    return [f"{reason} To tell it, {advice.what_to_record(result.joint, row)}." for row, reason in result.fixed.items()]
+    return [f"{reason} To tell it, {advice.what_to_record(result.joint, row)}." for row, reason in reasons.items()]
 
 
 def tables(result: Calibration) -> list[Grid]:
