@@ -146,10 +146,11 @@ def _methods(rows: Sequence[Grade]) -> list[str]:
     return list(dict.fromkeys(row.method for row in rows))
 
 
-def rules(is_judged: bool) -> str:
-    """The rule in words."""
+def rules(is_judged: bool, violations: Sequence[Any] = ()) -> str:
+    """The rule in words, and whether it holds."""
     text = f"stated and the solver give {LEAST:g} digits of every parameter at lower difficulty, from both starts"
-    return f"Rule: {text}." if is_judged else "No rule: methods of others are graded, not judged."
+    holds = "It DOES NOT HOLD." if violations else "It holds."
+    return f"Rule: {text}. {holds}" if is_judged else "No rule: methods of others are graded, not judged."
 
 
 def write_page(
@@ -162,7 +163,7 @@ def write_page(
 ) -> dict[str, Any]:
     """Write report.html, summary.json, tables.md and figures/; returns the summary."""
     proved = sum(table[name].is_global for name in table)
-    verdict = [rules(is_judged), *(["It holds."] if is_judged and not violations else violations)]
+    verdict = [rules(is_judged, violations), *violations]
     sections = [
         Section(
             "Dynamic reference records",

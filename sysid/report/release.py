@@ -44,7 +44,7 @@ def verdicts(numbers: Mapping[str, Any]) -> list[str]:
     elif least < ENOUGH:
         held = f"It is NOT YET JUDGED, which takes {ENOUGH} cases of each, and the fewest are {least}"
     return [
-        f"{digits.rules(True)} {'It holds.' if not numbers['violations'] else 'It DOES NOT HOLD.'}",
+        digits.rules(True, numbers["violations"]),
         *numbers["violations"],
         f"Rule: of the distributions of true values under their intervals no more leave their 95 % band than chance "
         f"makes in 99 of 100 certificates, {by_chance} of {total}. {held}: {outside} do.",

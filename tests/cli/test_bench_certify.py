@@ -34,6 +34,7 @@ def test_own_digits_and_the_sets_of_nist(here, capsys):
     assert main(["bench", "certify", "--record", "oe_fast", "--out", "page"]) == 0
     text = capsys.readouterr().out
     assert "NIST StRD" in text
+    assert "from both starts. It holds." in " ".join(text.split())
     summary = json.loads((here / "page" / "summary.json").read_text())
     assert (len(summary["static"]), len(summary["dynamic"]), summary["violations"]) == (54, 4, [])
     assert {row["method"] for row in summary["dynamic"]} == {"stated", "stated_default"}

@@ -65,7 +65,7 @@ def certify(
     grids = [page.dynamic_grid(rows), *([page.static_grid(sets)] if sets else [])]
     reasons = dict.fromkeys(f"{r.method}: {r.status}" for r in rows if r.status != "ok")
     written = [] if target is None else [f"Certificate: {target}, its numbers: {target.with_suffix('.json')}"]
-    sentences = [*violations, *list(reasons)[:3], page.rules(is_judged), *written]
+    sentences = [*violations, *list(reasons)[:3], page.rules(is_judged, violations), *written]
     console.finish(folder, summary, as_json, grids, sentences)
     if violations:
         raise typer.Exit(1)
