@@ -19,6 +19,7 @@ from sysid.base.handlers import Shown
 from sysid.base.quantities import probability
 
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
+CLOSE = 0.5  # points of fit: what is less counts as nothing
 UNTESTED = "no residual tests: "  # a note that begins so gives the reason
 MEANINGS = {
     "e with u^2": "an even nonlinearity of the input is missing",
@@ -121,6 +122,11 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
     """
     is_limited = percent > 0.0 and tests is not None and tests.white and tests.independent
     return not percent >= POOR and not is_limited
+
+
+def explained(percent: float, tests: "ResidualTests | None") -> bool:
+    """Whether the input explains nothing of what a fit [%] leaves, as far as tests say, or that is close to nothing."""
+    return tests is None or tests.independent or percent >= 100.0 - CLOSE
 
 
 @checked

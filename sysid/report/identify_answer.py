@@ -18,7 +18,6 @@ from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
 
 SLOWEST = 3  # time constants
-CLOSE = 0.5  # points of fit
 
 
 def answer(result: Identification, model: str = "") -> Answer:
@@ -45,8 +44,7 @@ def word(result: Identification) -> Word:
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
     is_done = is_done and not _computed(result)
-    is_explained = e.tests is None or e.tests.independent or e.judged_fit >= 100.0 - CLOSE
-    return GOOD if is_done and is_explained else USABLE
+    return GOOD if is_done and residuals.explained(e.judged_fit, e.tests) else USABLE
 
 
 def _computed(result: Identification) -> str:

@@ -8,7 +8,7 @@ from sysid.report.page import Picture
 from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import ModelRun, Models
-from sysid.workflow.saved import fell
+from sysid.workflow.saved import fell, unfit
 
 
 def of_run(result: ModelRun | InputRun) -> Answer:
@@ -42,11 +42,15 @@ _CAPTION = (
 
 
 def word(result: ModelRun) -> Word:
-    """Poor where a next step is named; good where the fit does not fall behind that of the estimation data."""
+    """Poor where a next step is named; good where the fit does not fall behind that of the estimation data.
+
+    As of `qpal identify`, what is left may not depend on the input, and a model that it calls poor is not good here.
+    """
     if result.next is not None:
         return POOR
     holds = result.percent >= residuals.POOR and not fell(result.model.estimation, result.percent)
-    return GOOD if holds else USABLE
+    holds = holds and residuals.explained(result.percent, result.tests)
+    return GOOD if holds and not unfit(result.model.fit) else USABLE
 
 
 def sentence(result: ModelRun) -> str:

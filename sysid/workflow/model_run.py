@@ -17,7 +17,7 @@ from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
 from sysid.workflow.results import NextStep
-from sysid.workflow.saved import UNFIT, AnyFit, Reading, Saved, data_for, fell, load_models, remarks
+from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks, unfit
 
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
 CLOSE = 0.5  # points of fit within which a smaller model is as good
@@ -205,7 +205,7 @@ def _next(result: ModelRun, reading: Reading) -> NextStep | None:
     from sysid.structures import TABLE, NonlinearStateSpace
 
     is_its_own = _is_its_own(result)
-    if is_its_own or any(warning.startswith(UNFIT) for warning in result.model.fit.warnings):
+    if is_its_own or unfit(result.model.fit):
         is_single = result.data.u.shape[1] == result.data.y.shape[1] == 1  # as a search needs
         other = "auto" if is_single else NonlinearStateSpace.name
         reason = "this model was fitted to this record and does not follow it"

@@ -76,6 +76,11 @@ def export(evaluation: Evaluation, folder: Path, signals: Signals | None = None)
 UNFIT = "do NOT use this model: "  # a warning of a saved fit that begins so is repeated wherever it is used
 
 
+def unfit(fit: AnyFit) -> bool:
+    """Whether the fit's own file says that it is not to be used."""
+    return any(warning.startswith(UNFIT) for warning in fit.warnings)
+
+
 def _with_warnings(evaluation: Evaluation) -> Fit | NlarxFit:
     """The fit with what was said of it: the percentage, so that `qpal run` repeats it to the last digit, and a warning.
 

@@ -11,7 +11,7 @@ import pytest
 
 import sysid
 from sysid.channels.mapping import Range
-from sysid.report.saved_models_answer import of_run
+from sysid.report.saved_models_answer import of_run, word
 from sysid.workflow.design import Proposal
 from sysid.workflow.model_run import run_file
 from sysid.workflow.record import read_record
@@ -98,3 +98,18 @@ def test_the_step_of_a_design_reads_the_new_record_as_the_first():
     record = SimpleNamespace(path=Path("a.csv"), options=("--output", "the angle", "--range", "2:"))
     proposal = Proposal(record, None, SimpleNamespace(use=None))
     assert proposal.command == "qpal identify RECORDED.csv --output 'the angle' --structure actuated_joint"
+
+
+@pytest.mark.parametrize(
+    ("percent", "is_independent", "warnings", "said"),
+    [
+        (95.0, True, (), "good"),
+        (95.0, False, (), "usable"),
+        (99.8, False, (), "good"),  # all that is left is close to nothing
+        (95.0, True, (f"{UNFIT}the gain has the WRONG SIGN",), "usable"),
+    ],
+)
+def test_a_run_is_called_good_by_the_rule_of_identify(percent, is_independent, warnings, said):
+    model = SimpleNamespace(estimation=96.0, fit=SimpleNamespace(warnings=warnings))
+    tests = SimpleNamespace(independent=is_independent)
+    assert word(SimpleNamespace(next=None, percent=percent, tests=tests, model=model)) == said

@@ -223,6 +223,7 @@ def test_the_word_is_that_of_the_rules(result, plain):
         (bad(result, 99.0, tests=white), "good"),
         (bad(result, 99.0, step, tests=white), "usable"),
         (bad(result, 40.0, tests=white), "usable"),
+        (bad(result, 0.0, tests=white), "poor"),  # explains nothing
         (bad(result, 99.0, unseen=False), "usable"),
         (bad(result, 70.0, tests=coloured(result)), "poor"),
         (wrong, "poor"),
