@@ -126,7 +126,7 @@ def _computed(u: str, y: str, data: IOData) -> Advice:
         0.0,
         "record with a reference that changes" + (", or fit a model that predicts, with nk = 1 or more" * is_single),
         "warning",
-        call="sysid.fit(sysid.structures.armax(na=2, nb=2, nc=2, nk=1), data)" if is_single else "",
+        call="sysid.fit(sysid.structures.armax(nb=2, nf=2, nk=1), data)" if is_single else "",
         command=("identify", "--structure", "armax") if is_single else (),
     )
 

@@ -2,6 +2,7 @@
 
 import ast
 import inspect
+import itertools
 import json
 import re
 import shlex
@@ -15,6 +16,7 @@ from typer.main import get_command
 import sysid
 from sysid import IOData
 from sysid.diagnosis.advice import Advice, advise
+from sysid.diagnosis.relation import _computed
 from sysid.excitations import Prbs
 from sysid.model.recipes import Several
 from sysid.structures import TABLE as STRUCTURES
@@ -303,6 +305,16 @@ def test_columns_that_belong_together_are_not_suspected(told):
         assert said in found.sentence
     (found,) = (a for a in told["unrelated"] if a.topic == "delay")
     assert "belong together" in found.action
+
+
+def test_the_structures_that_calls_name_are_built(told):
+    """A chain takes limits by name, so that a call with a wrong order binds and is refused only then."""
+    data = IOData(white(1), white(2), TS)
+    for a in (_computed("u", "y", data), *itertools.chain(*told.values())):
+        if a.call.startswith("sysid.fit(sysid.structures"):
+            eval(a.call.removeprefix("sysid.fit(").removesuffix(", data)"), {"sysid": sysid})
+    two = _computed("u1", "y", IOData(np.column_stack([white(1), white(3)]), white(2), TS))
+    assert (two.call, two.command) == ("", ())
 
 
 def test_what_is_advised_for_two_inputs_is_fitted_to_them(tmp_path):
