@@ -21,6 +21,7 @@ EDGE = Value("thigh.asymmetry", "1", 0.1, 0.1, 0.9, 0.88, 0.9, 0.1)
 ABSENT = Value("thigh.stribeck", "1", 0.3, 0.3, 0.0, 0.0, 0.1, 0.5)  # 0 is an effect that is not there
 
 FAR = Value("foot_mass", "kg", 0.05, 0.05, 0.24, 0.201, 0.287, 0.02)  # wide, but nothing in it was plausible before
+EVERY = "Every calibrated parameter is determined; 1 other keeps its value, which these logs cannot tell"
 
 
 def result(*values, correlation=None, logs=("a.csv",)):
@@ -80,9 +81,9 @@ def test_the_first_sentence_says_what_not_to_use():
 @pytest.mark.parametrize(
     ("values", "held_out", "fits", "word", "sentence"),
     [
-        ((SURE,), True, (60.0, 95.0), "good", "Every parameter is determined."),
-        ((SURE,), False, (60.0, 95.0), "usable", "Every parameter is determined; no log was held out"),
-        ((SURE,), True, (60.0, 70.0), "usable", "Every parameter is determined."),
+        ((SURE,), True, (60.0, 95.0), "good", f"{EVERY}."),
+        ((SURE,), False, (60.0, 95.0), "usable", f"{EVERY}; no log was held out"),
+        ((SURE,), True, (60.0, 70.0), "usable", f"{EVERY}."),
         ((SURE,), True, (95.0, 90.0), "poor", "On log, which was held out, the twin is worse than before"),
         ((SURE, WIDE), True, (60.0, 95.0), "usable", "Not determined: coulomb; do not use the file for it."),
         ((WIDE,), True, (60.0, 95.0), "poor", "These logs determine none of the parameters: do not use the file."),
@@ -93,6 +94,9 @@ def test_the_first_screen_has_the_word_of_the_rules(values, held_out, fits, word
     made.scores = (Score("log", held_out, 0.1, 0.1, *fits),)
     assert calibrate_answer.word(made) == word
     assert calibrate_answer.sentence(made).startswith(sentence)
+    if sentence.startswith(EVERY):
+        made.fixed = {}
+        assert calibrate_answer.sentence(made).startswith("Every parameter is determined")
 
 
 def test_values_that_act_alike_are_named_in_pairs():

@@ -62,6 +62,12 @@ def sentence(result: Calibration) -> str:
     if names:
         return f"Not determined: {', '.join(names)}; do not use the file for {'these' if names[1:] else 'it'}."
     doubt = "" if judged(result).held_out else "; no log was held out (--hold-out) to judge the twin"
+    kept = len(result.fixed)
+    if kept:
+        others = (
+            f"{kept} other{'s keep their values' if kept > 1 else ' keeps its value'}, which these logs cannot tell"
+        )
+        return f"Every calibrated parameter is determined; {others}{doubt}."
     return f"Every parameter is determined{doubt}."
 
 
