@@ -7,6 +7,7 @@ from sysid.base.checks import checked
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
+from sysid.export.c_structs import in_comment
 from sysid.export.program import AnyFit, Offset, level_offsets, network_equations
 from sysid.model.wiring import layers, whole, written
 from sysid.nlarx.result import NlarxFit
@@ -20,7 +21,8 @@ def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset:
     counted from, where that is not zero: u_offset (nu,) and y_offset (ny,), by default those of the fit. Raises
     InputError for a block that is a user's function.
     """
-    lines = [f"{fit.model.structure}, one sample every {fit.Ts:g} s", *_levels(fit, digits, u_offset, y_offset)]
+    head = [f"{fit.model.structure}, one sample every {fit.Ts:g} s", *map(in_comment, units_of_record(fit))]
+    lines = [*head, *_levels(fit, digits, u_offset, y_offset)]
     if isinstance(fit, NlarxFit):
         return "\n".join([*lines, "", *network_equations(fit, digits)]) + "\n"
     layers_of_fit = layers(fit.model, fit.theta)
@@ -43,6 +45,14 @@ def text(fit: AnyFit, digits: int | None = 6, u_offset: Offset = None, y_offset:
                 lines.append(f"{output} = " + " + ".join(f"{output}_{signals[i]}" for _, i in units))
         signals = outputs
     return "\n".join(lines) + "\n"
+
+
+def units_of_record(fit: AnyFit) -> list[str]:
+    """Names and units of the record that was fitted, none or one line: a file's degrees are radians here."""
+    was = fit.origin
+    if was is None or not (was.u_unit or was.y_unit):
+        return []
+    return [f"u is {was.u_name} [{was.u_unit or '?'}] and y is {was.y_name} [{was.y_unit or '?'}]"]
 
 
 def _levels(fit: AnyFit, digits: int | None, u_offset: Offset, y_offset: Offset) -> list[str]:

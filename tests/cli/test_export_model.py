@@ -1,4 +1,4 @@
-"""`qpal export MODEL`: what a saved model becomes takes and gives raw values."""
+"""`qpal export MODEL`: what a saved model becomes takes and gives the levels of its record."""
 
 import json
 import runpy
@@ -240,3 +240,25 @@ def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, 
     (tmp_path / "good").mkdir()
     export(good, tmp_path / "good")
     assert sysid.load(tmp_path / "good" / "model.json").warnings == fit.warnings
+
+
+def test_files_say_in_which_units_they_count_and_no_name_ends_a_comment(tmp_path, capsys):
+    """A file's per cent are shares of 1 in the record, and so in the files."""
+    data = record()
+    rows = np.column_stack([data.t, 100.0 * data.u, data.y])
+    head = "time [s],heater */ x [%],height [m]"
+    np.savetxt(tmp_path / "log.csv", rows, delimiter=",", header=head, comments="", fmt="%.9g")
+    fit = sysid.fit(
+        sysid.structures.output_error(1, 1, 1),
+        sysid.read(tmp_path / "log.csv", "heater */ x [%]", "height [m]"),
+        starts=1,
+    )
+    fit.save(tmp_path / "model.json")
+    assert (
+        main(["export", str(tmp_path / "model.json"), "--c", "--python", "--matlab", "--out", str(tmp_path / "o")]) == 0
+    )
+    assert "In the files u is heater" in capsys.readouterr().out
+    for name in ("output_error.h", "output_error.py", "output_error.m"):
+        assert "[1] and y is height [m]" in (tmp_path / "o" / name).read_text(encoding="utf-8")
+    header = (tmp_path / "o" / "output_error.h").read_text(encoding="utf-8")
+    assert "heater */" not in header

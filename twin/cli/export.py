@@ -60,7 +60,7 @@ def export(
 
     The code is C99, an FMU, Python or MATLAB; the MJCF is checked against the fit.
 
-    The files take and give raw units: they remove the offsets that were removed before the fit.
+    The files take and give the units in their header (SI), at the levels of the record.
 
     Limit: a pass; of a log a joint grows first: identify --seconds and export its model where that is long.
     Progress: each part.

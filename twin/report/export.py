@@ -13,6 +13,7 @@ from sysid.data.record import IOData
 from sysid.drawing.figure import Figure
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
+from sysid.export.closed_form import units_of_record
 from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
@@ -68,15 +69,17 @@ def _levels(result: WrittenModel) -> list[str]:
     fit = result.source.fit
     if all(name.endswith(".xml") for name, _ in result.files):
         return []
+    units = [f"In the files {line}." for line in units_of_record(fit)]
     if fit.u_offset is None or fit.y_offset is None:
         return [
+            *units,
             "The model's file has no offsets (a line or what is slow was removed before the fit, or an earlier "
-            "version saved it): the files take and give what the fit was made from; remove and add means yourself."
+            "version saved it): the files take and give what the fit was made from; remove and add means yourself.",
         ]
     if not (fit.u_offset.any() or fit.y_offset.any()):
-        return []
+        return units
     u0, y0 = (", ".join(f"{v:.6g}" for v in offset) for offset in (fit.u_offset, fit.y_offset))
-    return [f"The files take and give raw values: they take {u0} off the input and add {y0} to the output."]
+    return [*units, f"They count from the record's own zero: they take {u0} off the input and add {y0} to the output."]
 
 
 def _linear(result: WrittenModel) -> list[str]:
