@@ -194,9 +194,14 @@ def _start_evidence(count: int, share: float, way: str) -> ValueEvidence:
             False, f"{sentence} contradict the model: record rising pulses from rest ({PULSES})", counts
         )
     if share > _BREAKAWAY_PRECISION:
-        leave = f"{sentence} leave it uncertain by ±{100.0 * share:.0f} %"
+        leave = f"{sentence} leave it uncertain by {spread_in_words(share)}"
         return ValueEvidence(False, f"{leave}: record rising pulses from rest ({PULSES})", counts)
     return ValueEvidence(True, sentence, counts)
+
+
+def spread_in_words(share: float) -> str:
+    """A spread as a share of the value; many times the value is no more than that."""
+    return f"±{100.0 * share:.0f} %" if share < 10.0 else "more than itself"
 
 
 def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidence:
@@ -205,8 +210,9 @@ def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidenc
         reason = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
         return ValueEvidence(False, f"{reason} changes sides (qpal design --for backlash FILE)", counts)
     if not std <= _BACKLASH_PRECISION:
-        size = f"±{100 * std:.0f} %" if std < 10.0 else "more than itself"
-        reason = f"uncertain by {size}, as what the link does on its way across looks like lag and friction"
+        reason = (
+            f"uncertain by {spread_in_words(std)}, as what the link does on its way across looks like lag and friction"
+        )
         return ValueEvidence(
             False, f"{reason}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
         )

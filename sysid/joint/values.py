@@ -13,7 +13,7 @@ from sysid.blocks import CoastingPlay, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import Evidence, ValueEvidence, evidence
+from sysid.joint.evidence import Evidence, ValueEvidence, evidence, spread_in_words
 from sysid.joint.physics import ends_of, slope_of, travel_of, volts_to_move, way_up
 from sysid.joint.spread import END_REACH, Spread, spread_of, structural_deviation, white_spread
 from sysid.model.chain import Chain
@@ -282,7 +282,7 @@ def _check_precision(
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
     if not std > _LARGEST_DEVIATION * least:
         return row
-    reason = f"uncertain by ±{100.0 * std / max(least, 1e-300):.0f} %{f', {row.why}' if row.why else ''}"
+    reason = f"uncertain by {spread_in_words(std / max(least, 1e-300))}{f', {row.why}' if row.why else ''}"
     return ValueEvidence(False, f"{reason}: record the next experiment (qpal design FILE)", row.counts)
 
 

@@ -69,3 +69,27 @@ def test_files_of_other_times_are_no_record_and_whole_records_stay_experiments(t
     for path in whole:
         np.savetxt(path, np.column_stack([T, U, Y]), delimiter=",", header="t,u,y", comments="")
     assert identify_file(whole, SETTING).record.data.lengths == (600, 600)
+
+
+def test_files_of_other_stamps_are_one_record_with_a_clock_each(tmp_path):
+    """The output is read 5 ms later than the input: two coefficients without a delay hold what lies between."""
+    late = T[:-1] + 0.005
+    y = response(late, *steps(3, 0.24, 12.0))
+    for name, t, x in (("volts", T, U), ("speed", late, y)):
+        lines = [f"Time,{name}", *(f"{stamp:.6f},{value:.12e}" for stamp, value in zip(t, x, strict=True))]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    paths = [tmp_path / "volts.csv", tmp_path / "speed.csv"]
+    setting = Setting(sysid.structures.OutputError(2, 1, 0), starts=1)
+    for files in (paths, paths[::-1]):
+        found = identify_file(files, setting, "volts", "speed")
+        assert len(late) == found.record.data.N
+        assert any("one record, each with its time" in note for note in found.record.notes)
+        assert found.evaluation.poles[0].real == pytest.approx(np.exp(-TS / TAU), abs=1e-6)
+
+
+def test_files_of_other_times_are_no_record(tmp_path):
+    for name, t in (("volts", T), ("speed", T + 100.0)):
+        lines = [f"Time,{name}", *(f"{stamp:.6f},{value:.12e}" for stamp, value in zip(t, U, strict=True))]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match="no column is left for the output"):
+        identify_file([tmp_path / "volts.csv", tmp_path / "speed.csv"], SETTING)
