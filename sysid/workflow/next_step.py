@@ -118,6 +118,8 @@ def _no_joint(result: Identification) -> NextStep | None:
     reason = "the record is not that of an actuated joint"
     if result.selection is None:
         return NextStep(reason, command(result, structure="auto"))
+    if not poor(e.judged_fit, e.tests):  # it predicts better than what the search passed over
+        return None
     reason = f"{reason}, which the search chose"
     return NextStep(reason, command(result, structure=HammersteinWiener.name))
 

@@ -107,9 +107,8 @@ def test_a_refusal_is_the_first_sentence_and_no_physical_value_is_told(tmp_path:
     first = result.evaluation.joint.sentence()
     assert first.startswith("This record is not that of an actuated joint")
     page = report.page(result, export(result.evaluation, tmp_path))
-    assert page.verdict[0].startswith(f"{first} What to do")
-    assert page.verdict[0].endswith(result.next.command)
-    assert report.terminal_sentences(result)[0] == first
+    assert (page.answer.word, page.answer.sentence) == ("usable", first)
+    assert page.answer.next.endswith(result.next.command)
     told = json.loads(json.dumps(result.as_dict()))
     assert told["verdict"] == first
     assert told["joint"]["joint"] is False
