@@ -35,12 +35,12 @@ def answer(result: Identification, model: str = "") -> Answer:
 
 
 def word(result: Identification) -> Word:
-    """Poor as `verdict.bad` and the model's sign say; good on unseen data if nothing is left to try or to explain.
+    """Poor as `_bad` and the model's sign say; good on unseen data if nothing is left to try or to explain.
 
     What is left may depend on the input where all of it is less than the half point that counts as close.
     """
     e = result.evaluation
-    if verdict.bad(e) or _wrong(e) or _spoilt(result):
+    if _bad(e) or _wrong(e) or _spoilt(result):
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
     is_done = is_done and not _computed(result)
@@ -50,6 +50,11 @@ def word(result: Identification) -> Word:
 def _computed(result: Identification) -> str:
     """What is said of an input that a controller computes from the output; empty of others."""
     return next((a.sentence for a in result.advice if COMPUTED in a.sentence), "")
+
+
+def _bad(e: Evaluation) -> bool:
+    """Whether the model misses its data: a prediction some steps ahead, which noise adds up in, by more than half."""
+    return verdict.bad(e) and (e.growing is None or e.judged_fit < verdict.NO_VOUCHER)
 
 
 def _wrong(e: Evaluation) -> list[str]:
@@ -72,7 +77,7 @@ def sentence(result: Identification) -> str:
         return e.joint.sentence()
     if wrong:
         return f"Do not use this model: {wrong[0].partition(';')[0]}."
-    if verdict.bad(e) or _spoilt(result):
+    if _bad(e) or _spoilt(result):
         return f"Do not use this model: {_reason(result)}."
     if not e.unseen:
         return "All of the record was used for the fit, so no fit to unseen data is known."

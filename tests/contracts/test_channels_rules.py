@@ -54,7 +54,7 @@ def test_a_unit_becomes_si(text, unit, factor):
     assert found.factor == pytest.approx(factor, rel=1e-15)
 
 
-@pytest.mark.parametrize("text", ["", "furlong", "u", "t", "MV", "grad", "°C", "9**9**9", "s s s s s s", "V;W", "raw"])
+@pytest.mark.parametrize("text", ["", "furlong", "u", "t", "MV", "grad", "9**9**9", "s s s s s s", "V;W", "raw"])
 def test_a_text_that_is_no_unit_of_a_rig_stays_as_it_is(text):
     found = convert(text)
     assert (found.unit, found.factor, found.known) == (text, 1.0, False)

@@ -16,7 +16,8 @@ from sysid.base.files import Lines, check_regular_file
 from sysid.bench import table
 from sysid.channels import mapping_file
 from sysid.formats import TABLE, read_header, read_table
-from twin import fragment, parameter_file
+from twin import parameter_file
+from twin.fragment import into
 
 pytestmark = [
     pytest.mark.skipif(sys.platform == "win32", reason="pipes with names, and names of any bytes, are those of Unix"),
@@ -29,7 +30,7 @@ READERS = {
     "parameters": ("a.toml", parameter_file.read),
     "parameters in JSON": ("a.json", parameter_file.read),
     "mapping": ("a.toml", mapping_file._text),
-    "MJCF": ("a.xml", fragment._parse),
+    "MJCF": ("a.xml", into._parse),
     "journal": ("a.jsonl", lambda path: Lines(path).read()),
     "journal that grows": ("a.jsonl", lambda path: Lines(path).append("1")),
     "benchmark": ("a.parquet", table.parquet),

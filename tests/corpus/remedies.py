@@ -33,17 +33,21 @@ class Try:
     content: bytes = b""
     clocks: tuple[str, ...] = ()  # of u and of y, in a mapping
     experiment: str = ""  # of [range] in a mapping
+    words: tuple[str, ...] = ()  # the clock, and columns of hexadecimal words, in a mapping
 
     def arguments(self, folder: Path) -> tuple[Path, dict[str, Any]]:
         """The file in `folder`, and the arguments that read it."""
         for name, content in {**self.entry.beside, self.entry.file: self.content}.items():
             (folder / name).write_bytes(content)
         options = dict(self.options)
-        if self.repair or self.clocks or self.experiment:
+        if self.repair or self.clocks or self.experiment or self.words:
             lines = [f'[range]\nexperiment = "{self.experiment}"'] if self.experiment else []
             lines += ["[repair]", *(f"{name} = {value}" for name, value in self.repair.items())]
             for role, column, clock in zip(("input", "output"), "uy", self.clocks, strict=False):
                 lines += [f"[[{role}]]", f'column = "{column}"', f'clock = "{clock}"']
+            for role, column in zip(("input", "output"), self.words[1:], strict=False):
+                lines += [f"[[{role}]]", f'column = "{column}"', "base = 16"]
+            lines += ["[clock]", f'column = "{self.words[0]}"'] if self.words else []
             (folder / "m.toml").write_text("\n".join(lines) + "\n")
             options = {"mapping": folder / "m.toml", **{k: v for k, v in options.items() if k == "range"}}
         return folder / self.entry.file, options
@@ -191,6 +195,10 @@ def _own_clocks(attempt: Try, match: re.Match[str], said: str) -> Try | None:
 
 
 RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] = (
+    (
+        r"of which (.+) shows time; hexadecimal words without 0x are in ([^:]+): set base = 16",
+        lambda attempt, match, _: replace(attempt, words=(match[1], *match[2].split(", "))),
+    ),
     (r"with --ts\b|--ts SECONDS", lambda a, m, s: None if "Ts" in a.options else _timed(a)),
     (r"--ts is [^;]*; (?:leave one|give)", lambda a, m, s: _without(a, "Ts") if "leave" in m[0] else _option(a, Ts=TS)),
     (r"--time '([^']+)' --time-unit", lambda a, m, s: _option(a, time=m[1], time_unit="s")),
