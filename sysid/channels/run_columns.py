@@ -125,7 +125,8 @@ def _has_clocks(column: Column, clocks: Sequence[np.ndarray]) -> bool:
 def _evenness(steps: np.ndarray) -> float:
     """The share of the steps (n,) that are near the usual one."""
     usual = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 0.0
-    return float(np.mean(np.abs(steps - usual) <= NEAR * usual)) if usual > 0 else 0.0
+    with np.errstate(over="ignore"):  # a damaged stamp is as far off as numbers go
+        return float(np.mean(np.abs(steps - usual) <= NEAR * usual)) if usual > 0 else 0.0
 
 
 def _may_number(header: frozenset[str]) -> bool:

@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 
 from sysid.channels.mapping import ChannelMap
 from sysid.channels.reading import read_signals
+from sysid.channels.run_columns import _evenness
 from sysid.workflow.record import read_record
 
 TS, N = 0.02, 300
@@ -109,3 +110,8 @@ def test_clocks_of_one_run_are_not_told_so(kind, tmp_path):
     t = np.round(t, 1 if kind == "coarse" else 6)
     path = write(tmp_path / "log.csv", "t,u,y", t, u[: len(k)], y[: len(k)])
     assert not any("shorter step(s)" in note for note in read_record(path, Ts=TS).notes)
+
+
+def test_stamps_at_the_end_of_the_numbers_are_no_warning():
+    with np.errstate(all="raise"):
+        assert _evenness(np.array([1.0, 1.0, -1.7e308, 1.7e308, 1.7e308, 1.7e308])) < 0.9
