@@ -323,7 +323,8 @@ def _cells_of_text(table: Table, name: str) -> Sequence[str]:
     cells = table.columns[table.names.index(name)]
     if not isinstance(cells, np.ndarray):
         return cells
-    if cells.dtype.kind in "fiu" and np.all((cells > 19e6) & (cells < 21e6) & (cells % 1 == 0)):
+    is_date = cells.dtype.kind in "fiu" and np.all((cells > 19e6) & (cells < 21e6))
+    if is_date and np.all(cells % 1 == 0):
         return [str(int(cell)) for cell in cells]  # 20260310 was read as a number
     return []
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from sysid import InputError
+from sysid.formats import read_table
 from sysid.workflow.record import read_record
 
 N = 120
@@ -83,3 +84,9 @@ def test_a_date_with_points_is_no_number_to_correct(tmp_path):
     with pytest.raises(InputError, match="name one with --input and one with --output"):
         read_record(path)
     assert read_record(path, input="Valve", output="Gauge").data.Ts == 60.0
+
+
+def test_a_number_without_end_beside_a_time_of_day_is_no_warning(tmp_path):
+    (tmp_path / "a.csv").write_text("time,u,y\n" + "".join(f"10:0{k},{'inf' if k == 3 else k},{k}\n" for k in range(9)))
+    with np.errstate(all="raise"):
+        assert "u" in read_table(tmp_path / "a.csv").names
