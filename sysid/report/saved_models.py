@@ -5,6 +5,7 @@ import numpy as np
 from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, percent
+from sysid.diagnosis.residuals import CLOSE
 from sysid.plots.free_runs import Run, free_runs_figure
 from sysid.plots.residual_tests import residuals_figure
 from sysid.report.page import Page, Picture, Section
@@ -12,7 +13,7 @@ from sysid.report.saved_models_answer import of_models, of_run
 from sysid.report.saved_models_parts import SHOWN, models_tables, prediction_figure
 from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
-from sysid.workflow.model_run import CLOSE, ModelRun, Models, comparable
+from sysid.workflow.model_run import ModelRun, Models, comparable
 from sysid.workflow.saved import one_output
 
 

@@ -7,13 +7,14 @@ from pathlib import Path
 
 from sysid.base.errors import InputError, unknown
 from sysid.channels.mapping import Range
-from sysid.channels.one_record import one_table
+from sysid.channels.one_record import COLUMNS, as_one
 from sysid.channels.reading import Mapping
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.data.table import Table
 from sysid.data.trends import with_offsets
 from sysid.diagnosis.advice import advise
+from sysid.formats import read_table
 from sysid.model.recipes import Several
 from sysid.selection.select import select
 from sysid.selection.space import Space
@@ -155,10 +156,15 @@ def identify_file(
 
 def _records(paths: Sequence[str | os.PathLike[str]], read: Callable[..., Record]) -> list[Record]:
     """The record of each file, or that of all where each holds one signal of it."""
-    table = one_table(paths)
-    if table is None:
+    if len(paths) < 2:
         return [read(path) for path in paths]
-    return [replace(read(table), beside=tuple(Path(path) for path in paths[1:]))]
+    first = read_table(paths[0])
+    if len(first.names) > COLUMNS:  # one after the other: long records have no room beside each other
+        return [read(first), *(read(path) for path in paths[1:])]
+    tables = [first, *(read_table(path) for path in paths[1:])]
+    if (table := as_one(tables)) is not None:
+        return [replace(read(table), beside=tuple(Path(path) for path in paths[1:]))]
+    return [read(table) for table in tables]
 
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:

@@ -11,7 +11,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import UNTESTED, ResidualTests, poor
+from sysid.diagnosis.residuals import CLOSE, UNTESTED, ResidualTests, poor
 from sysid.estimation.free_run import beyond, quiet
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
@@ -20,7 +20,6 @@ from sysid.workflow.results import NextStep
 from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks, unfit
 
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
-CLOSE = 0.5  # points of fit within which a smaller model is as good
 
 
 @dataclass(frozen=True)
