@@ -6,6 +6,8 @@ from plants_in_time import GAIN, TAU, level_at, pole_and_gain, response, steps
 
 import sysid
 from sysid.base.errors import InputError
+from sysid.channels.one_record import as_one
+from sysid.formats import read_table
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 
@@ -87,9 +89,14 @@ def test_files_of_other_stamps_are_one_record_with_a_clock_each(tmp_path):
         assert found.evaluation.poles[0].real == pytest.approx(np.exp(-TS / TAU), abs=1e-6)
 
 
-def test_files_of_other_times_are_no_record(tmp_path):
-    for name, t in (("volts", T), ("speed", T + 100.0)):
+@pytest.mark.parametrize(("later", "joined"), [(4.0, True), (8.0, False), (100.0, False)])
+def test_files_that_hardly_overlap_are_no_record(later, joined, tmp_path):
+    """Of 12 s each."""
+    for name, t in (("volts", T), ("speed", T + later)):
         lines = [f"Time,{name}", *(f"{stamp:.6f},{value:.12e}" for stamp, value in zip(t, U, strict=True))]
         (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
-    with pytest.raises(InputError, match="no column is left for the output"):
-        identify_file([tmp_path / "volts.csv", tmp_path / "speed.csv"], SETTING)
+    tables = [read_table(tmp_path / f"{name}.csv") for name in ("volts", "speed")]
+    assert (as_one(tables) is not None) == joined
+    if not joined:
+        with pytest.raises(InputError, match="no column is left for the output"):
+            identify_file([tmp_path / "volts.csv", tmp_path / "speed.csv"], SETTING)

@@ -150,6 +150,16 @@ def test_two_motors_of_one_joint_become_one(tmp_path):
     np.testing.assert_array_equal(model.key_ctrl, [[0.1, 0, 0.3], [1, 0, 0]])
 
 
+def test_a_tendon_at_its_dead_centre_acts_too(tmp_path):
+    """Straight above the joint, where a small turn changes its length by the square of the turn."""
+    straight = SPRUNG.replace('<site name="s_knee" pos="0.05 0 0.1"/>', '<site name="s_knee" pos="0 0 0.1"/>')
+    straight = straight.replace('<site name="s_mcp" pos="0.05 0 0.1"/>', '<site name="s_mcp" pos="0 0 0.1"/>')
+    assert straight != SPRUNG
+    (tmp_path / "robot.xml").write_text(straight)
+    _, changes = put_into(fragment(), tmp_path / "robot.xml")
+    assert any("tendon 'extensor' stays" in c for c in changes)
+
+
 def test_a_tendon_that_goes_on_pulling_is_named(tmp_path):
     (tmp_path / "robot.xml").write_text(SPRUNG)
     _, changes = put_into(fragment(), tmp_path / "robot.xml")

@@ -32,6 +32,14 @@ def test_a_controller_at_a_constant_goal_is_seen(gains, digits):
     assert all(told(loop(seed, *gains, digits=digits)) for seed in range(3))
 
 
+def test_an_input_that_follows_from_its_own_past_is_not():
+    t = np.arange(500)
+    for seed in range(3):
+        rng = np.random.default_rng([seed, 10])
+        u = np.sin(0.21 * t) + 0.5 * np.sin(0.05 * t + seed)
+        assert not told(IOData(u, lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.01 * rng.standard_normal(500), 0.1))
+
+
 @pytest.mark.parametrize("digits", [None, 3])
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.05])
 @pytest.mark.parametrize("nk", [0, 1])

@@ -83,15 +83,12 @@ def _others(model: mujoco.MjModel, joint: str, actuator: int) -> list[str]:
 
 
 def _lengthened(model: mujoco.MjModel, joint: str, which: str) -> np.ndarray:
-    """Which of the lengths (n,) of actuators or tendons change when a joint turns a little, from two poses."""
-    data, place = mujoco.MjData(model), model.joint(joint).qposadr[0]
-    found = np.zeros(len(getattr(data, which)), dtype=bool)
-    for turn in (0.0, 0.3):  # a crank or a spatial tendon may be at its dead centre in one of them
-        lengths = []
-        for step in (0.0, 1e-3):
-            mujoco.mj_resetData(model, data)
-            data.qpos[place] += turn + step
-            mujoco.mj_fwdPosition(model, data)
-            lengths.append(getattr(data, which).copy())
-        found |= np.abs(lengths[1] - lengths[0]) > 1e-9
-    return found
+    """Which of the lengths (n,) of actuators or tendons change when a joint turns a little; at a dead centre by more
+    than rounding, too."""
+    data, place, lengths = mujoco.MjData(model), model.joint(joint).qposadr[0], list[np.ndarray]()
+    for step in (0.0, 1e-3):
+        mujoco.mj_resetData(model, data)
+        data.qpos[place] += step
+        mujoco.mj_fwdPosition(model, data)
+        lengths.append(getattr(data, which).copy())
+    return np.asarray(np.abs(lengths[1] - lengths[0]) > 1e-9)
