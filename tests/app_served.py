@@ -198,6 +198,18 @@ def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -
     return path
 
 
+def desk_with_a_record(folder: Path):
+    """A desk of a session in `folder` with a record, on two cores."""
+    from twin.app.desk import Desk
+    from twin.app.jobs import Jobs
+    from twin.app.session import Session
+
+    desk = Desk(Session.open(folder / "session"), Jobs(2))
+    desk.add_log("thigh.csv", write_log(folder / "log.csv"))
+    wait(desk)
+    return desk
+
+
 def wait(desk, seconds=PATIENCE):
     """The jobs of a desk by title, when all are over."""
     end = time.monotonic() + seconds

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from app_served import wait, write_log
+from app_served import desk_with_a_record, wait
 from scipy.signal import lfilter
 
 import sysid
@@ -31,10 +31,7 @@ LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
     """A session with a record, a preparation and a model."""
-    folder = tmp_path_factory.mktemp("desk")
-    made = Desk(Session.open(folder / "session"), Jobs(2))
-    made.add_log("thigh.csv", write_log(folder / "log.csv"))
-    wait(made)
+    made = desk_with_a_record(tmp_path_factory.mktemp("desk"))
     made.prepare("d1", start=1.0, stop=18.0, high=8.0)
     made.fit("d1", Setting(**LINEAR))
     wait(made)

@@ -8,22 +8,17 @@ import time
 from pathlib import Path
 
 import pytest
-from app_served import PATIENCE, wait, write_log
+from app_served import PATIENCE, desk_with_a_record
 
 from twin.app import jobs as jobs_module
-from twin.app.desk import Desk
 from twin.app.entries import Setting
 from twin.app.jobs import CANCELLED, FAILED, WAITING, Jobs
-from twin.app.session import Session
 
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory):
     """A session with a record."""
-    folder = tmp_path_factory.mktemp("jobs")
-    made = Desk(Session.open(folder / "session"), Jobs(2))
-    made.add_log("thigh.csv", write_log(folder / "log.csv"))
-    wait(made)
+    made = desk_with_a_record(tmp_path_factory.mktemp("jobs"))
     yield made
     made.close()
 
