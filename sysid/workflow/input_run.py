@@ -12,6 +12,7 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.reading import read_map_of, sample
 from sysid.channels.signals import common_text
 from sysid.data.record import IOData
+from sysid.data.table import Table
 from sysid.data.trends import restore_offsets
 from sysid.estimation.free_run import quiet
 from sysid.estimation.result import Fit
@@ -42,9 +43,12 @@ class InputRun:
         }
 
 
-def record_of_inputs(fit: AnyFit, reading: Reading) -> Record | None:
-    """The record of a file with the inputs of `fit` alone, with zero for its outputs; None for another file."""
-    table, notes = read_table(reading.path), tuple[str, ...]()
+def record_of_inputs(fit: AnyFit, reading: Reading, table: Table | None = None) -> Record | None:
+    """The record of a file with the inputs of `fit` alone, with zero for its outputs; None for another file.
+
+    `table` is the file's, where it is read already.
+    """
+    table, notes = read_table(reading.path) if table is None else table, tuple[str, ...]()
     if reading.mapping is not None:
         mapping = read_map_of(reading.mapping)
     else:

@@ -91,15 +91,16 @@ def run_file(
     if horizon is not None and horizon < 1:
         raise InputError(f"--horizon is {horizon}; give a number of samples of at least 1")
     (model_file,) = load_models([model])
-    reading = reading.named_by([model_file.fit])
+    reading, table = reading.named_by([model_file.fit])
     try:
-        record = reading.record()
+        record = reading.record(table)
     except InputError:
-        inputs = record_of_inputs(model_file.fit, reading)
+        inputs = record_of_inputs(model_file.fit, reading, table)
         if inputs is None:
             raise
         running()
         return run_inputs(model_file, inputs, reading, horizon)
+    del table  # a long record has no room beside it
     data, notes = data_for(model_file.fit, record, reading)
     running()
     return on_record(model_file, record, data, notes, reading, horizon)
@@ -284,7 +285,9 @@ def run_models(paths: list[str], reading: Reading) -> Models:
     Raises InputError where a model and the record do not belong together.
     """
     saved = load_models(paths)
-    record = reading.named_by([model.fit for model in saved]).record()
+    named, table = reading.named_by([model.fit for model in saved])
+    record = named.record(table)
+    del table  # a long record has no room beside it
     runs, common = [], tuple(record.notes)
     for model in saved:
         try:

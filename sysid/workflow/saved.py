@@ -188,24 +188,23 @@ class Reading:
     detrend: str = "none"
     resampled: bool = False
 
-    def record(self) -> Record:
-        """The record as the file has it."""
-        return read_record(
-            self.path, self.input, self.output, self.Ts, self.time, self.mapping, self.range, self.time_unit
-        )
+    def record(self, table: Table | None = None) -> Record:
+        """The record as the file has it, or its `table` where that is read already."""
+        file = self.path if table is None else table
+        return read_record(file, self.input, self.output, self.Ts, self.time, self.mapping, self.range, self.time_unit)
 
-    def named_by(self, fits: Sequence[AnyFit]) -> "Reading":
-        """The same, with the columns by the names that the fits know, where none is named.
+    def named_by(self, fits: Sequence[AnyFit]) -> tuple["Reading", Table | None]:
+        """The same, with the columns by the names that the fits know, where none is named; and the table, if read.
 
         Only columns that the file has, and only where all fits that find theirs mean the same; of a file without the
         outputs the inputs alone.
         """
         if self.input is not None or self.output is not None or self.mapping is not None:
-            return self
+            return self, None
         table = read_table(self.path)
         found = {_known_columns(fit, table) for fit in fits} - {("", "")}
         u, y = found.pop() if len(found) == 1 else ("", "")
-        return replace(self, input=u or None, output=y or None)
+        return replace(self, input=u or None, output=y or None), table
 
 
 def _known_columns(fit: AnyFit, table: Table) -> tuple[str, str]:
