@@ -110,13 +110,17 @@ def note_on_falls(table: Table, mapping: ChannelMap) -> list[str]:
     ]
 
 
-def doubt_of_starts(table: Table, column: str, starts: np.ndarray) -> str:
-    """The sentence on a clock whose starts (m,) may be wraps of a counter; nothing where they cannot."""
+def doubt_of_starts(table: Table, column: str, starts: np.ndarray, Ts: float | None = None) -> str:
+    """The sentence on a clock whose starts (m,) may be wraps of a counter; nothing where they cannot.
+
+    Beside a sampling time Ts that is given the counter may count samples: then its period says nothing of seconds.
+    """
     period = may_be_counter(soft_numbers(table, column), starts)
     if not period:
         return ""
     dated = column in table.dates or column in table.timed
-    counter = "" if dated else f"period = {period:g} under [clock] for a counter, or "
+    way = f"period = {period:g}" if Ts is None else f'column = "" and Ts = {Ts:.10g}'
+    counter = "" if dated else f"{way} under [clock] for a counter, or "
     return (
         f"the clock starts again at {rows_text(table, column, starts.tolist())}, each time after {period:g}: a counter "
         f'that wraps, or another experiment; in a mapping, set {counter}experiment = "{brief(column)}" under [range] '

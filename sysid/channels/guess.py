@@ -97,6 +97,7 @@ class Given:
 
 
 @checked
+@np.errstate(over="ignore")  # of numbers near the end of the range, which are refused where they are used
 def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Guess:
     """Clock, input and output of a table, or of the file at this path, by names, units and numbers, as far as they are
     not `given`.
@@ -177,7 +178,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
     if by_clock and not turns and len(starts[by_clock]) > count_of_changes(experiments):
         numbered, experiments = by_clock, None
-        tell_starts(table, by_clock, starts[by_clock], unclear, why)
+        tell_starts(table, by_clock, starts[by_clock], given.Ts, unclear, why)
     part = Range(drive=switch.name if switch else "", experiment=numbered)
     mapping = mapping.model_copy(update={"range": part})
     why += [f"column {experiments.name!r} numbers experiments: its name says so"] if experiments and not rigs else []

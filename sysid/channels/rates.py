@@ -75,12 +75,13 @@ def at_output(table: Table, mapping: ChannelMap) -> tuple[Table, tuple[str, ...]
     clocks = _clocks(table, mapping, (reference, *names))
     times, reach = _times(table, mapping, clocks[reference], filled)
     own = _series(table, reference, times)
-    if len(own.t) < int(filled.sum()):
-        numbers(keep_rows(table, filled), clocks[reference])  # raises: a value of the output has no time
+    _check_times(table, reference, clocks[reference], own)
     merged, sentences, longest = {}, [], mapping.repair.longest_gap
     for name, role in names.items():
         same = clocks[name] == clocks[reference]
         series = _series(table, name, times if same else _seconds(table, mapping, clocks[name]))
+        if not same:
+            _check_times(table, name, clocks[name], series)
         if role == "output":
             merged[name] = _line(table, series, own, longest, (name, reference))
             continue
@@ -192,6 +193,13 @@ def _series(table: Table, name: str, t: np.ndarray) -> Series:
     mask = np.isfinite(values) & np.isfinite(t)
     order = np.argsort(t[mask], kind="stable")
     return Series(t[mask][order], values[mask][order])
+
+
+def _check_times(table: Table, name: str, clock: str, series: Series) -> None:
+    """Raises InputError for a value of a column that has no time, at the cell of its clock."""
+    filled = np.isfinite(soft_numbers(table, name))
+    if len(series.t) < int(filled.sum()):
+        numbers(keep_rows(table, filled), clock)
 
 
 def _held(series: Series, own: Series, limit: float, reach: float) -> tuple[np.ndarray, str]:

@@ -116,6 +116,7 @@ def parse_range(text: str) -> Range:
     return Range(start=start, stop=stop)
 
 
+@np.errstate(over="ignore")  # as in `guess`
 def sample(table: Table, mapping: ChannelMap, notes: tuple[str, ...] = ()) -> Signals:
     """The record of `table` as `mapping` says; `notes` are put before the notes of the corrections.
 

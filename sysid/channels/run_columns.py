@@ -78,7 +78,7 @@ def in_blocks(table: Table, column: str = "", used: Collection[str | None] = ())
         x = numbered.values
         if not named and (_counts_rows(x) or not (column or _has_clocks(numbered, likely))):
             continue
-        if len({len(cells) for cells in table.columns}) > 1:
+        if len({len(cells) for cells in table.columns}) > 1 or _names_columns(table, name, x):
             continue
         count = len(np.unique(x))
         note = f"the rows of {count} experiments stand among each other: they were parted by column {name!r}"
@@ -93,6 +93,18 @@ def _takes_turns(column: Column) -> bool:
         return False
     whole = np.isfinite(x).all() and np.array_equal(x, np.rint(x))
     return bool(whole and np.unique(x, return_counts=True)[1].min() >= SHORTEST)
+
+
+def _names_columns(table: Table, name: str, x: np.ndarray) -> bool:
+    """Whether numbers (n,) only say which columns have values in a row, as the topic of a message does."""
+    alone = 0
+    for other in table.names:
+        filled = np.isfinite(soft_numbers(table, other)) if other != name else np.zeros(len(x), dtype=bool)
+        if filled.any() and not filled.all():
+            if np.ptp(x[filled]):
+                return False
+            alone += 1
+    return alone > 1
 
 
 def _counts_rows(x: np.ndarray) -> bool:

@@ -46,10 +46,12 @@ def count_of_changes(column: Column | None) -> int:
     return 0 if column is None else int(np.count_nonzero(np.diff(column.values)))
 
 
-def tell_starts(table: Table, column: str, starts: np.ndarray, unclear: list[str], why: list[str]) -> None:
+def tell_starts(
+    table: Table, column: str, starts: np.ndarray, Ts: float | None, unclear: list[str], why: list[str]
+) -> None:
     """Says where a clock that is not used starts again: a sampling time that is given joins no two experiments."""
-    if doubt := doubt_of_starts(table, column, starts):
-        unclear.append(f"column {column!r}: {doubt}; with period, leave --ts out")
+    if doubt := doubt_of_starts(table, column, starts, Ts):
+        unclear.append(f"column {column!r}: {doubt}")
     rows = rows_text(table, column, starts.tolist())
     why.append(
         f"column {column!r}, a clock that is not used, starts again or pauses at {rows}: experiments of their own"

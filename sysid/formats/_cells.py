@@ -102,17 +102,22 @@ def _plain(block: bytes) -> bytes:
         try:
             block.decode()
         except UnicodeDecodeError:
-            block = _of_windows(block)  # an old degree sign in a header is no reason to refuse the numbers
+            block = _of_old_codes(block)  # an old degree sign in a header is no reason to refuse the numbers
         block = MINUS.sub(b"-", block)
     return block
 
 
-def _of_windows(block: bytes) -> bytes:
-    """Text of Windows-1252, or of latin-1 where a byte has no letter in it, as UTF-8."""
-    try:
-        return block.decode("cp1252").encode()
-    except UnicodeDecodeError:
-        return block.decode("latin-1").encode()
+def _of_old_codes(block: bytes) -> bytes:
+    """Text of GB 2312, else of Windows-1252, or of latin-1 where a byte has no letter in it, as UTF-8.
+
+    In GB 2312 high bytes come in pairs, which letters with accents and a degree sign between ASCII letters do not.
+    """
+    for code in ("gb2312", "cp1252"):
+        try:
+            return block.decode(code).encode()
+        except UnicodeDecodeError:
+            continue
+    return block.decode("latin-1").encode()
 
 
 def is_comment(line: bytes) -> bool:

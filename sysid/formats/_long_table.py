@@ -12,7 +12,8 @@ from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS
 from sysid.formats._unit_names import units_of
 
 KEYS = {"key", "name", "topic", "signal", "channel", "variable", "field", "_field", "sensor", "series", "metric", "tag"}
-KEYS |= {"entity_id"}  # of Home Assistant, whose history has entity_id, state, last_changed
+KEYS |= {"entity", "point", "item"}  # entity_id of Home Assistant, whose history has entity_id, state, last_changed
+_OF_KEY = re.compile("[ _.-]*(?:name|id)$")  # TagName, sensor_id
 VALUES = {"value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
 UNITS = {"unit", "units", "einheit"}
 MOST = 200  # names: more are texts of another kind
@@ -27,6 +28,7 @@ def pivoted(table: Table) -> Table:
     """
     columns = {name.strip().lower(): j for j, name in enumerate(table.names)}
     keys, values, units = _columns(columns, KEYS), _value_column(columns), _column(columns, UNITS)
+    keys = [j for j in keys if table.names[j].strip().lower() in KEYS or not _is_numeric(table.columns[j])]
     if not keys or values is None or len({len(cells) for cells in table.columns}) != 1:
         return table
     names = _names(table, keys)
@@ -36,6 +38,8 @@ def pivoted(table: Table) -> Table:
     times = [
         j for j in others if j not in runs and _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) != 0)
     ]
+    dated = [j for j in times if table.names[j] in table.dates]  # beside numbers of series and of quality
+    times = dated or [j for j in times if _turns(_floats(table, j)) < len(distinct)]
     if not 2 <= len(distinct) <= min(MOST, len(names) / REPEATED) or len(times) != 1 or "" in distinct:
         return table
     group = np.unique(names, return_inverse=True)[1]
@@ -138,6 +142,12 @@ def _values(table: Table, j: int) -> np.ndarray:
     return np.array([SWITCH_WORDS.get(text.lower(), float(text) if is_number(text) else np.nan) for text in texts])
 
 
+def _turns(t: np.ndarray) -> int:
+    """How often stamps go against their own direction: once behind each block of a name, if at all."""
+    steps = np.diff(t)
+    return int(min(np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)))
+
+
 def _units(table: Table, names: Sequence[str], j: int | None, time: str, distinct: Sequence[str]) -> dict[str, str]:
     """The units in the names, and those of a column of units that does not change within a name."""
     units = units_of(distinct) | {name: unit for name, unit in table.units.items() if name == time}
@@ -157,7 +167,13 @@ def _value_column(columns: dict[str, int]) -> int | None:
 
 
 def _columns(columns: dict[str, int], names: set[str]) -> list[int]:
-    return [j for name, j in columns.items() if name in names]
+    """Columns of these names; of a nested one its last part says what it is."""
+    return [j for name, j in columns.items() if not names.isdisjoint(_spellings(name))]
+
+
+def _spellings(name: str) -> tuple[str, str]:
+    last = name.rpartition(".")[2]
+    return last, _OF_KEY.sub("", last)
 
 
 def _texts(cells: Sequence[str] | np.ndarray) -> list[str]:

@@ -1,6 +1,7 @@
 """Several experiments in one file: a clock that starts again, a column that numbers them; and what is none."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,7 @@ from sysid.workflow.record import read_record
 from twin.cli import main
 
 CASES = Path(__file__).parent / "cases"
+CHANNELS_OF_PARTS = '\n[[input]]\ncolumn = "u_V"\n[[output]]\ncolumn = "y_rad"\n'
 
 
 def parts(lengths):
@@ -115,6 +117,13 @@ def test_no_repair_and_no_sampling_time_joins_rows_over_a_restart(tmp_path):
         data = read_record(path, mapping=written).data
         assert data.lengths == lengths
         np.testing.assert_allclose(data.y[:, 0], np.concatenate([y for _, y in parts((50, 50, 50))]), atol=1e-6)
+    with pytest.raises(InputError) as told:
+        read_record(path, Ts=0.05)
+    way = re.search(r'column = "" and Ts = 0.05', str(told.value))
+    assert way
+    written.write_text("[clock]\n" + way[0].replace(" and ", "\n") + CHANNELS_OF_PARTS)
+    data = read_record(path, mapping=written).data
+    assert (data.Ts, data.lengths) == (0.05, (150,))
     written.write_text(
         '[clock]\ncolumn = "ms"\nunit = "ms"\n[[input]]\ncolumn = "u_V"\n[[output]]\ncolumn = "y_rad"\n'
         '[repair]\nbackward = "drop"\n'

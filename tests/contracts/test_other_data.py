@@ -313,3 +313,9 @@ def test_an_error_of_a_spreadsheet_is_no_comment(cell, tmp_path):
 def test_letters_of_windows_are_those_letters(tmp_path):
     text = log("t,u \u20ac,y \u201eq\u201c", K / 10, U, Y).encode("cp1252")
     assert read_table(written(tmp_path, text)).names == ("t", "u \u20ac", "y \u201eq\u201c")
+
+
+def test_numbers_at_the_end_of_the_range_are_refused_without_a_warning(tmp_path):
+    """Differences of such numbers overflow."""
+    with pytest.raises(InputError, match="column 'u': found a value above 1e100"):
+        sysid.read(written(tmp_path, log("u,y", 1e308 * np.sign(U), Y)), Ts=0.1)

@@ -178,3 +178,14 @@ def test_a_value_without_a_time_of_its_own_is_refused_where_it_stands(stamp, sai
     (tmp_path / "a.csv").write_text("\n".join(["t_u,u,t_y,y", *rows]) + "\n")
     with np.errstate(all="raise"), pytest.raises(sysid.InputError, match=re.escape(said)):
         read_signals(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("cell", ["abc", "", "nan"])
+def test_a_value_of_the_input_without_a_time_is_refused_where_it_stands(cell, tmp_path):
+    """Else the value before would be held in its place, and nothing would say so."""
+    path = write(tmp_path / "a.csv", recorded(0.02, 0.0031))
+    lines = path.read_text().splitlines()
+    lines[41] = cell + lines[41][lines[41].index(",") :]
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(InputError, match="row 42, column 't_u': found"):
+        read_record(path)

@@ -122,6 +122,7 @@ LOGS: dict[str, Log] = {
     "blank lines at the end": log("t,u,y\n" + ROWS + "\n\n   \n"),
     "the mark of the end of a file of DOS": log("t,u,y\n" + ROWS + "\x1a", SAFE),
     "form feeds between pages": log("t,u,y\n" + with_row(3, "\f0.2,-1,-0.5")),
+    "names in GB 2312": log("\u65f6\u95f4(s),u(V),\u8f6c\u89d2(rad)\n".encode("gb2312") + ROWS.encode(), SAFE),
     "latin-1 in a name": log("t,u,y,\u00b5\n".encode("latin-1") + ROWS.replace("\n", ",1\n").encode()),
     "names of another alphabet": log(
         "\u6642\u9593,\u5165\u529b,\u51fa\u529b\n" + ROWS,

@@ -38,6 +38,20 @@ ENTITIES = [
     for name, values in (("number.valve", U), ("sensor.temp", Y))
     for k, x in enumerate(values)
 ]
+VALUES = list(zip(T, U, Y, strict=True))
+TAGS = [
+    f"FIC1.{tag};{t:.1f};{x:g};{192 - k % 2}" for k, (t, u, y) in enumerate(VALUES) for tag, x in (("OP", u), ("PV", y))
+]
+INFLUX = [  # annotated CSV of InfluxDB: a block for each series, which column "table" numbers
+    f",,{k},{name},rig,2026-03-14T09:00:{2 * i:02d}Z,{x:g}"
+    for k, (name, values) in enumerate((("valve", U), ("temp", Y)))
+    for i, x in enumerate(values)
+]
+ANNOTATED = "#group,false,false,true,true,false,false\n#datatype,string,long,string,string,dateTime:RFC3339,double\n"
+MESSAGES = [  # MQTT, logged as JSON lines
+    {"t": t, "topic": f"rig/{key}", "payload": {key: x}} for t, u, y in VALUES for key, x in (("u", u), ("y", y))
+]
+ALIKE = [{**each, "payload": {"value": x}} for each in MESSAGES for x in each["payload"].values()]
 STEPS = [f"{k},{u:g},{y:g}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
 
 LOGS: dict[str, Log] = {
@@ -83,6 +97,24 @@ LOGS: dict[str, Log] = {
     ),
     "history of Home Assistant": log(
         lines("entity_id,state,last_changed", ENTITIES), Right(Ts=2.0), input="number.valve", output="sensor.temp"
+    ),
+    "tags of a controller with their quality": log(
+        lines("TagName;Timestamp_s;Value;Quality", TAGS), input="FIC1.OP", output="FIC1.PV", time="Timestamp_s"
+    ),
+    "annotated series of InfluxDB": log(
+        ANNOTATED + lines(",result,table,_field,_measurement,_time,_value", INFLUX),
+        Right(Ts=2.0),
+        input="valve",
+        output="temp",
+    ),
+    "messages in JSON lines, a key for each topic": log(lines("", [json.dumps(m) for m in MESSAGES]), file="a.jsonl"),
+    "messages in JSON lines, one key for all topics": log(
+        lines("", [json.dumps(m) for m in ALIKE]), file="a.jsonl", input="rig/u", output="rig/y"
+    ),
+    "a sensor beside data, no table of names": log(
+        lines("t,imu.sensor,cmd.data", [f"{t:.1f},{y:g},{u:g}" for t, u, y in VALUES]),
+        input="cmd.data",
+        output="imu.sensor",
     ),
     "more runs than steps, the steps numbered": log(lines("step,u,y", STEPS * 13), Right(U * 13, Y * 13), Ts=TS),
     "runs that take turns": log(lines("run,t,u,y", TURNS), TWICE),
