@@ -60,7 +60,7 @@ def test_every_verb_that_reports_has_a_good_run():
     assert set(VERBS) == set(REPORTING)
 
 
-# `.ci/run` runs `reproduce` itself, twice.
+# `.ci/run` runs `reproduce` itself.
 @pytest.mark.parametrize("verb", [pytest.param(v, marks=[pytest.mark.nightly] * (v == "reproduce")) for v in REPORTING])
 def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys, monkeypatch):
     monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})  # `reproduce`: one joint is enough
