@@ -1,10 +1,11 @@
 """What all tests share: where public records lie, and how long statistical runs are."""
 
 import base64
+import gc
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,19 @@ def _pictures_are_blank(request: pytest.FixtureRequest) -> Iterator[None]:
         if not FULL and not request.node.get_closest_marker("pixels"):
             patch.setattr("sysid.base.style.png", lambda drawn, few=False: BLANK)
         yield
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Ten thousand tests and what they import stay to the end: the garbage collector took a third of the time to find
+    them, and a twentieth of a run to look through them again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.collect()
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
