@@ -225,6 +225,8 @@ def _start_trackers() -> None:
 
 @cache
 def _controller() -> ThreadpoolController:
+    import scipy.linalg  # noqa: F401 - brings a BLAS of its own; one that is loaded later would not be found
+
     return ThreadpoolController()
 
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 ROUNDING = 1e-14  # of F(1), which leaves a pole at 1
 ON_CIRCLE = 1e-9  # distance from the unit circle that a search leaves to a pole which it holds there
@@ -70,6 +69,8 @@ def mirrored(f: np.ndarray) -> np.ndarray:
 
 def pairs(estimated: np.ndarray, true: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the estimated and of the true poles that belong together: least total distance in the z-plane."""
+    from scipy.optimize import linear_sum_assignment  # a fifth of a second, which no help text waits for
+
     return linear_sum_assignment(np.abs(estimated[:, None] - true[None, :]))
 
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import null_space
 
 _RANK_TOLERANCE = 1e-9  # of a singular value beside the largest; chosen by hand
 _SKEW = 1e-3  # a third moment below this share of the spread's cube may be rounding
@@ -55,6 +54,8 @@ def gauge(
             conditions.append(condition / size)
     if not columns:
         return np.zeros((offsets[-1], 0))
+    from scipy.linalg import null_space  # a tenth of a second, which no help text waits for
+
     D, C = np.array(columns).T, np.array(conditions).T
     rows = np.linalg.norm(D, axis=1, keepdims=True)
     rows = np.where(rows > 0, rows, 1.0)  # parameters differ in unit; what counts as zero must not

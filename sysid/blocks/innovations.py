@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import lfilter
 
 from sysid.base.checks import checked
 from sysid.block.block import Law, Piecewise, Slot
@@ -96,6 +95,8 @@ class Innovations(TransferFunction):
 
     def error_spread(self, theta: np.ndarray, horizon: int) -> np.ndarray:
         """Deviations (horizon,) of the errors of predictions 1, 2, ... samples ahead for e of variance 1."""
+        from scipy.signal import lfilter  # half a second, which no help text waits for
+
         f, c = self.split(theta)[1], theta[self.states.stop :]
         first = np.eye(1, horizon)[0]
         return np.asarray(np.sqrt(np.cumsum(lfilter([1.0, *c], [1.0, *f], first) ** 2)))

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.optimize import minimize
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
@@ -138,6 +137,8 @@ def flattest(lines: np.ndarray, phases: np.ndarray, P: int) -> np.ndarray:
     Trans. Instrum. Meas. 40(6), 1991; by quasi-Newton steps instead of theirs). The peak is that of the levels at the
     samples, because these are held.
     """
+    from scipy.optimize import minimize  # a fifth of a second, which no help text waits for
+
     best = phases
     with one_blas_thread():  # the same digits at any thread count
         for p in NORMS:

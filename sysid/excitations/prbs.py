@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import max_len_seq
 
 from sysid.base.checks import checked
 from sysid.excitations._settings import Paces, check, check_name, check_whole, half_way, samples
@@ -50,6 +49,8 @@ class Prbs:
     @checked
     def generate(self, N: int, Ts: float, rng: np.random.Generator) -> np.ndarray:
         """Levels u (N,) [unit of amplitude]; a record shorter than a period is its start."""
+        from scipy.signal import max_len_seq  # half a second, which no help text waits for
+
         hold = samples("a prbs", "hold", self.hold, Ts)
         bits = 2.0 * max_len_seq(self.nbits)[0] - 1.0
         if self.repeat == "inverse":

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrt
 
 _EPS = np.finfo(float).eps
 _PANEL = 16  # columns in one step of a QR
@@ -38,6 +37,8 @@ class Rows:
 
     def add(self, e: np.ndarray, J: np.ndarray) -> None:
         """Take up the next e (n,) and J (n, P)."""
+        from scipy.linalg.lapack import dgeqrt  # a tenth of a second, which no help text waits for
+
         N, P = J.shape
         for start in range(0, N, _ROWS):
             rows = slice(start, min(start + _ROWS, N))

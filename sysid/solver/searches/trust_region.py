@@ -3,7 +3,6 @@
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from sysid.solver.iterate import Attempt, Options, Step
 from sysid.solver.linearisation import Linearisation
@@ -40,6 +39,8 @@ class TrustRegion:
 
 def shortest_step(lin: Linearisation, radius: float) -> np.ndarray:
     """Minimum of the linear model (P,) among steps no longer than `radius` in columns of unit norm."""
+    from scipy.optimize import brentq  # a fifth of a second, which no help text waits for
+
     uz, s, _ = lin.svd
     full = lin.gauss_newton(lin.noise_floor)
     if np.linalg.norm(lin.scaled(full)) <= radius:
