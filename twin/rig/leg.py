@@ -16,7 +16,6 @@ from twin.plant.stepping import TIMESTEP, boards
 from twin.rig import wire
 from twin.rig.calibration import SUPPLY_FULL
 from twin.rig.closing import Closing
-from twin.studies.beyond import twin_truth
 
 BITS_WITHOUT_ADC = 15
 # What the rig does in its own way: the line loses samples, and the firmware's clock does not jitter.
@@ -160,4 +159,6 @@ class Emulated(Closing):
 
     def truth(self, Ts: float) -> dict[str, float]:
         """The hidden values, with names and units of `sysid.joint_values`."""
+        from twin.studies.beyond import twin_truth  # loads what fits models, which no cable waits for
+
         return twin_truth(self.joint, Ts, self.plant.experiment.p)
