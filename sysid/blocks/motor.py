@@ -1,6 +1,7 @@
 """Motor with friction: voltage in, position out, with stiction and end stops."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from math import cos, exp, sin
 from typing import Any, ClassVar
 
@@ -241,8 +242,19 @@ class Motor(Recursion):
 
     def value(self, theta: np.ndarray, name: str) -> float:
         """The parameter `name`; what acts in its place (0, or an end at infinity) if this motor does not have it."""
-        names = [slot.name for slot in self.slots()]
-        return float(theta[names.index(name)]) if name in names else self.absent.get(name, 0.0)
+        place = self._places.get(name)
+        return self.absent.get(name, 0.0) if place is None else float(theta[place])
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Where each parameter stands in theta; each step of a search asks."""
+        return {slot.name: k for k, slot in enumerate(self.slots())}
+
+    @cached_property
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and the highest theta (p,)."""
+        lower, upper = zip(*((slot.lower, slot.upper) for slot in self.slots()), strict=True)
+        return np.array(lower), np.array(upper)
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         """The equation of motion in v', not the exact solution used in the step."""
@@ -296,7 +308,8 @@ class Motor(Recursion):
     def admissible(self, theta: np.ndarray) -> bool:
         if not self.value(theta, "lower") < self.value(theta, "upper"):
             return False
-        return all(slot.lower <= value <= slot.upper for slot, value in zip(self.slots(), theta, strict=True))
+        lower, upper = self._bounds
+        return bool(np.all((lower <= theta) & (theta <= upper)))
 
     def remarks(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[str]:
         """Whether it passes a place from which its load drives it on against friction and the largest input."""

@@ -1,6 +1,7 @@
 """IOData: a uniformly sampled record that is ready to identify."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -116,8 +117,18 @@ class IOData(Shown):
         """The experiments one by one."""
         if len(self.lengths) == 1:
             return (self,)
-        ends = np.cumsum(self.lengths)
-        return tuple(self.select(int(e - n), int(e)) for n, e in zip(self.lengths, ends, strict=True))
+        ends = np.cumsum(self.lengths).tolist()
+        return tuple(self._experiment(slice(end - n, end)) for n, end in zip(self.lengths, ends, strict=True))
+
+    def _experiment(self, rows: slice) -> "IOData":
+        """One experiment: its numbers were checked as part of this record, and each step of a search takes it."""
+        made, mask = copy(self), None if self.missing is None else self.missing[rows]
+        own: dict[str, Any] = {name: getattr(self, name).copy() for name in ("u_offset", "y_offset")}
+        own |= {"u": self.u[rows].copy(), "y": self.y[rows].copy(), "lengths": (rows.stop - rows.start,)}
+        own["missing"] = None if mask is None or not mask.any() else mask.copy()
+        for name, value in own.items():
+            object.__setattr__(made, name, value)
+        return made
 
     @property
     def observed(self) -> np.ndarray:

@@ -1,5 +1,6 @@
 """Records from and to pandas and xarray, cuts by seconds and samples, and sysid.read: nothing is lost or shifted."""
 
+import dataclasses
 import sys
 
 import numpy as np
@@ -326,6 +327,27 @@ def test_odd_tables_are_taken_or_refused_in_a_sentence():
     for labels in (list("abcdefghi"), [f"2026-01-01 00:00:0{k}" for k in range(9)]):
         with pytest.raises(sysid.InputError, match=r"pandas\.to_datetime, or leave it out"):
             sysid.IOData.from_pandas(uniform(labels), "u", "y", Ts=5.0)
+
+
+def test_an_experiment_is_what_its_rows_are_and_has_numbers_of_its_own():
+    rng = np.random.default_rng(3)
+    records = []
+    for n, lost in ((30, [4, 5, 29]), (20, []), (25, [0])):
+        missing = np.zeros((n, 2), dtype=bool)
+        missing[lost, 1] = True
+        y = np.where(missing, np.nan, rng.normal(size=(n, 2)))
+        records.append(sysid.IOData(rng.normal(size=n), y, 0.1, missing=missing, y_offset=[1.0, 2.0], u_unit="V"))
+    whole = sysid.IOData.merge(*records)
+    before = whole.y.copy()
+    for part, record, end in zip(whole.experiments, records, (30, 50, 75), strict=True):
+        rows = whole.select(end - record.N, end)
+        for name in (field.name for field in dataclasses.fields(sysid.IOData)):
+            np.testing.assert_array_equal(getattr(part, name), getattr(rows, name), err_msg=name)
+            np.testing.assert_array_equal(getattr(part, name), getattr(record, name), err_msg=name)
+        for numbers in (part.u, part.y, part.u_offset, part.y_offset):
+            numbers[:] = 0.0
+    np.testing.assert_array_equal(whole.y, before)
+    assert whole.experiments[0].y_offset.tolist() == [1.0, 2.0]
 
 
 def test_records_of_swapped_channels_do_not_merge():
