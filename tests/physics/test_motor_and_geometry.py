@@ -184,3 +184,16 @@ def test_clearance_is_the_compiled_foots_height(height: float) -> None:
     mujoco.mj_kinematics(model, data)
     foot = model.geom("foot" + BENCH_LEG)
     assert clearance(p) == pytest.approx(data.geom("foot" + BENCH_LEG).xpos[2] - foot.size[0], abs=1e-9)
+
+
+def test_a_bench_that_was_changed_leaves_the_next_one_as_it_is():
+    """Equal ones are compiled once; each caller has numbers of its own."""
+    first = bench("shank", P, ("friction",))
+    step, mass = first.opt.timestep, first.body_mass.copy()
+    first.opt.timestep, first.body_mass[:] = 0.5, 99.0
+    second = bench("shank", P, ("friction",))
+    assert second.opt.timestep == step
+    np.testing.assert_array_equal(second.body_mass, mass)
+    assert bench("shank", P).tendon_damping.tolist() != second.tendon_damping.tolist()
+    heavy = bench("shank", P.replace({"torso_mass": 2 * P["torso_mass"]}), ("friction",))
+    assert heavy.body_mass.sum() > mass.sum()

@@ -1,7 +1,8 @@
 """The compiled MuJoCo model of the leg bench or the whole free robot, from parameters and model/qpal.xml."""
 
 from collections.abc import Collection, Mapping
-from functools import cache
+from copy import copy
+from functools import cache, lru_cache
 from pathlib import Path
 
 import mujoco
@@ -82,7 +83,16 @@ def bench(
     Element names keep the leg's suffix `BENCH_LEG`: thigh_00, thigh_play_00, thigh_angle_00. `realisation`: the linear
     actuators are spatial tendons, or cylinder and rod in a closed kinematic loop.
     """
-    return bench_spec(joint, parameters, without, realisation).compile()
+    rows = tuple((parameters or Parameters()).values.items())
+    return copy(_compiled(joint, rows, check_switches(without), realisation))
+
+
+@lru_cache(maxsize=32)  # 1.5 MB each
+def _compiled(
+    joint: str, rows: tuple[tuple[str, float], ...], without: tuple[str, ...], realisation: str
+) -> mujoco.MjModel:
+    """The compiled bench, of which callers get copies; `rows` are the parameters, which a cache can hold as a tuple."""
+    return bench_spec(joint, Parameters(dict(rows)), without, realisation).compile()
 
 
 @checked(late=True)
