@@ -25,6 +25,7 @@ from sysid.blocks import (
     PiecewiseLinear,
     Play,
     Polynomial,
+    Process,
     ProfiledMotor,
     Quantiser,
     Rectifier,
@@ -50,6 +51,7 @@ from sysid.structures import (
     NonlinearArx,
     NonlinearStateSpace,
     OutputError,
+    ProcessModel,
     ServoJoint,
     Wiener,
     WienerHammerstein,
@@ -119,6 +121,10 @@ BLOCKS = {
     ),
     "play": (Play(role="map"), np.array([0.8, 0.2])),
     "polynomial": (Polynomial(degree=3, role="map"), np.array([0.3, -0.2, 1.1, 0.4])),
+    "process": (  # K, T1, T2, Td, x1, x2, u0
+        Process(lags=2, Ts=0.5, role="map"),
+        np.array([1.3, 1.6, 0.7, 0.83, 0.4, -0.2, 0.3]),
+    ),
     "profiled_motor": (  # inertia, drag_up, drag_down, rise (3), fall (3), x0, v0
         ProfiledMotor(knots=3, low=-1.0, high=2.0, role="map"),
         np.array([3.0, 2.0, 2.4, 0.3, 0.5, 0.2, 0.4, 0.1, 0.35, 0.4, 0.1]),
@@ -217,6 +223,18 @@ MOVING = {
         Motor(further=("warming",), substeps=3, role="map"),
         np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 6.0, 1.37, 0.05, 1.1, 0.4, 0.1]),
     ),
+    "process_alike": (  # K, T1, T2, T3, Td, x1, x2, x3, u0: time constants that are nearly one
+        Process(lags=3, role="map"),
+        np.array([1.3, 1.6, 1.63, 1.58, 1.37, 0.4, -0.2, 0.1, 0.3]),
+    ),
+    "process_integrates": (  # K, wn, zeta, Tz, x1, x2, x4
+        Process(lags=0, pair=True, zero=True, integrator=True, delayed=False, role="map"),
+        np.array([0.3, 0.9, 0.4, -0.6, 0.4, 0.1, -0.3]),
+    ),
+    "process_pair": (  # K, wn, zeta, Td, x1, x2, u0: a pair that is nearly critical
+        Process(lags=0, pair=True, Ts=0.5, role="map"),
+        np.array([1.3, 0.9, 1.0, 0.2, 0.4, 0.1, 0.3]),
+    ),
     "servo_pd_loaded": (  # kp, kd, dead, limit, sag, gain, lag, rise, fall, stick, stick_speed, load0-1, delay, x0, v0
         ServoMotor(
             loop="pd", dead=True, sags=True, load=2, stribeck=True, substeps=4, updates=2, stops=False, role="map"
@@ -257,6 +275,7 @@ STRUCTURES = {
     "motor_profile": MotorProfile(5, -1.5, 2.0),
     "nlarx": NonlinearArx(2, 2, 1),
     "output_error": OutputError(2, 2, 1),
+    "process": ProcessModel("P2DZ"),
     "servo_joint": ServoJoint("pd", "polynomial", "sags", 360.0, 3.0, 0.01, 7.4, "polynomial", 0.02),
     "state_space": NonlinearStateSpace(2, 3, 2, "linear", 0.1, "polynomial"),
     "wiener": Wiener(2, 2, 1, "polynomial"),

@@ -28,6 +28,7 @@ class Slot:
     initial: bool = False
     holds: bool = False  # an initial state that a block at rest keeps (a position), not one that is then zero (a speed)
     knot: bool = False
+    words: str = ""  # of a value that people are told with its interval; Y and U of its unit are the record's
 
 
 class Law(NamedTuple):
@@ -105,6 +106,10 @@ class Block(ABC):
 
     def scaled(self, u: np.ndarray | None, y: np.ndarray | None) -> "Block":
         """This block on the scale of a record's input u (N, nu) and output y (N, ny), None where it meets neither."""
+        return self
+
+    def sampled(self, Ts: float) -> "Block":
+        """This block for samples of Ts [s]; itself if its times count in samples."""
         return self
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:

@@ -182,3 +182,53 @@ def spline(pieces, lo, hi, v, x, y, slope, J, q, own, ends):
                 J[t, first + j] = (
                     p[0] + s * (p[1] + s * (p[2] + s * p[3])) + beyond * (p[1] + s * (2.0 * p[2] + s * 3.0 * p[3]))
                 )
+
+
+@kernel
+def held_states(F, g, c, dF, dg, dc, lag, u0, before, w, dw, x, S, y, J, q):
+    """y (N,) = c x with the states x (n,): F x + g (n, 2) times the inputs w (N,) of lag + 2 and lag + 1 samples ago.
+
+    Before the record they are u0. The tangent J (N, P) has dw (N, q), that of w, in its first q columns, then those of
+    p own parameters from dF (p, n, n), dg (p, n, 2), dc (p, n) and the states' tangent S (n, q + p); that of u0 is
+    number `before`, -1 for none. x and S are changed.
+    """
+    n, p, own = F.shape[0], dF.shape[0], S.shape[1]
+    new, T = np.empty(n), np.empty((n, own))
+    for t in range(w.shape[0]):
+        if t > 0:
+            early, late = t - lag - 2, t - lag - 1
+            a, b = w[early] if early >= 0 else u0, w[late] if late >= 0 else u0
+            for i in range(n):
+                new[i] = g[i, 0] * a + g[i, 1] * b
+                for j in range(n):
+                    new[i] += F[i, j] * x[j]
+                for k in range(own):
+                    T[i, k] = 0.0
+                    for j in range(n):
+                        T[i, k] += F[i, j] * S[j, k]
+                if own:
+                    for k in range(q):
+                        if early >= 0:
+                            T[i, k] += g[i, 0] * dw[early, k]
+                        if late >= 0:
+                            T[i, k] += g[i, 1] * dw[late, k]
+                for k in range(p):
+                    T[i, q + k] += dg[k, i, 0] * a + dg[k, i, 1] * b
+                    for j in range(n):
+                        T[i, q + k] += dF[k, i, j] * x[j]
+                if before >= 0 and own:
+                    T[i, q + before] += (g[i, 0] if early < 0 else 0.0) + (g[i, 1] if late < 0 else 0.0)
+            for i in range(n):
+                x[i] = new[i]
+                for k in range(own):
+                    S[i, k] = T[i, k]
+        y[t] = 0.0
+        for i in range(n):
+            y[t] += c[i] * x[i]
+        for k in range(own):
+            J[t, k] = 0.0
+            for i in range(n):
+                J[t, k] += c[i] * S[i, k]
+        for k in range(p):
+            for i in range(n):
+                J[t, q + k] += dc[k, i] * x[i]

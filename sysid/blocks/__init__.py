@@ -24,6 +24,7 @@ from sysid.blocks.offset import Offset
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
+from sysid.blocks.process import Process
 from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.quantiser import Quantiser
 from sysid.blocks.rectifier import Rectifier
@@ -64,6 +65,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "motor": Motor,
     "offset": Offset,
     "play": Play,
+    "process": Process,
     "profiled_motor": ProfiledMotor,
     "quantiser": Quantiser,
     "rectifier": Rectifier,
@@ -107,6 +109,7 @@ __all__ = [
     "PiecewiseLinear",
     "Play",
     "Polynomial",
+    "Process",
     "ProfiledMotor",
     "Quantiser",
     "Rectifier",

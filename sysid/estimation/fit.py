@@ -89,6 +89,7 @@ def fit_chain(
     else:
         model = _model_at(model, start)
         model, points = on_break_points(model, _given_points(model, start), data, objective.knots)
+    model = model.sampled(data.Ts)
     search, options = make_search(search).name, (options or Options()).begun()
     _check(model, data, objective)
     normal = Normal.choose(model, data, objective) if start is None else Normal.keep(model, data)
@@ -293,7 +294,9 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
         warnings.append(
             f"{', '.join(names_outside)} ended outside the bounds, since the block has limits of its own; widen them"
         )
-    counts = [(b, int(cov.unidentifiable[model.index(b)].sum())) for b in model.blocks]
+    before = np.array([slot.initial and slot.name == "u0" for slot in model.slots])  # an input that may have no effect
+    lost = cov.unidentifiable & ~before
+    counts = [(b, int(lost[model.index(b)].sum())) for b in model.blocks]
     parameters = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]
     if parameters:
         warnings.append(

@@ -211,6 +211,12 @@ class Chain:
         scaled = tuple(b.scaled(None if k else u, y if behind[k] else None) for k, b in enumerate(self.blocks))
         return self if scaled == self.blocks else replace(self, blocks=scaled)
 
+    @checked
+    def sampled(self, Ts: float) -> "Chain":
+        """The chain for samples of Ts [s]: blocks whose times are in seconds take it."""
+        blocks = tuple(b.sampled(Ts) for b in self.blocks)
+        return self if blocks == self.blocks else replace(self, blocks=blocks)
+
     @checked(late=True)
     def refine(self, coarse: "Chain", theta: np.ndarray) -> np.ndarray:
         """theta (P,) with the output of the coarser chain at theta."""

@@ -286,8 +286,9 @@ def _values_caption(e: Evaluation) -> str:
     some = any(v.low is None for v in distinct_values(e.values))
     open_ = " Open and grey, with (?) at its name: a number of the model that the record does not determine; the value "
     open_ += "may be anywhere along the row."
+    joint = "; voltages are those at mid stroke, with the load" if e.physical else ""
     return (
-        "Physical values (points) with their 95 % intervals (bars); voltages are those at mid stroke, with the load. "
+        f"Physical values (points) with their 95 % intervals (bars){joint}. "
         f"What to see: the shorter the bar, the better the record knows the value.{open_ if some else ''}"
     )
 

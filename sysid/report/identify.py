@@ -215,7 +215,7 @@ def _model(result: Identification) -> Section:
         [
             *filter(None, [sections.intervals_in_words(e)]),
             *_part_sentences(e),
-            *([_PHYSICS] if e.values else []),
+            *([_PHYSICS] if e.values and e.physical else []),
             *(_with_commands(text, result.record) for text in filter(None, [sections.undetermined_in_words(e)])),
         ],
         tables=[

@@ -9,6 +9,7 @@ from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_w
 from sysid.structures.motor_profile import MotorProfile, motor_profile
 from sysid.structures.nlarx import NonlinearArx, nlarx
 from sysid.structures.output_error import OutputError, output_error
+from sysid.structures.process import ProcessModel, process
 from sysid.structures.servo_joint import ServoJoint, servo_joint
 from sysid.structures.state_space import NonlinearStateSpace, state_space
 from sysid.structures.wiener import Wiener, wiener
@@ -23,6 +24,7 @@ TABLE: dict[str, type[Recipe]] = {
     "motor_profile": MotorProfile,
     "nlarx": NonlinearArx,
     "output_error": OutputError,
+    "process": ProcessModel,
     "servo_joint": ServoJoint,
     "state_space": NonlinearStateSpace,
     "wiener": Wiener,
@@ -40,6 +42,7 @@ __all__ = [
     "NonlinearArx",
     "NonlinearStateSpace",
     "OutputError",
+    "ProcessModel",
     "Recipe",
     "ServoJoint",
     "Wiener",
@@ -52,6 +55,7 @@ __all__ = [
     "motor_profile",
     "nlarx",
     "output_error",
+    "process",
     "servo_joint",
     "state_space",
     "wiener",

@@ -27,7 +27,7 @@ from sysid.estimation.result import Fit
 from sysid.fitting import fit as fit_model
 from sysid.joint.posterior import fit_joint
 from sysid.joint.transfer import joint_band
-from sysid.joint.values import joint_values
+from sysid.joint.values import JointValue, joint_values
 from sysid.joint.verdict import verdict
 from sysid.linear import linearize
 from sysid.model.chain import Chain
@@ -40,6 +40,7 @@ from sysid.uncertainty import bands, intervals
 from sysid.uncertainty.bands import OutputBand
 from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
+from sysid.workflow.named_values import named_values
 from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks, warnings_of
 from sysid.workflow.results import Curve, Evaluation, Growing, OneOutput, OneStep
 from sysid.workflow.setting import Setting
@@ -152,12 +153,17 @@ def evaluate_fit(
         maps=_maps(chain, estimation) if chain else {},
         roots=roots,
         one_step=one_step,
-        values=joint_values(chain, data=estimation, **physics) if chain and physics is not None else (),
+        values=_values(chain, estimation, physics) if chain else (),
         notes=tuple(notes),
         inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
         outputs=_outputs(chain, estimation, validation, output_fits, output_tests) if chain and several else (),
         band=band,
     )
+
+
+def _values(fit: Fit, data: IOData, physics: dict[str, Any] | None) -> tuple[JointValue, ...]:
+    """Physical values: of a joint, with its options `physics`, else of a model whose parameters have names."""
+    return named_values(fit, data) if physics is None else joint_values(fit, data=data, **physics)
 
 
 def _residual_tests(

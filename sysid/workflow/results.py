@@ -136,6 +136,11 @@ class Evaluation:
         return float(np.mean(inside[scored])) if scored.any() else np.nan
 
     @property
+    def physical(self) -> bool:
+        """Whether its values are those of a joint."""
+        return self.setting.recipe.physics() is not None
+
+    @property
     def linear(self) -> bool:
         """Whether the model has a linear block, and therefore poles."""
         return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)

@@ -28,7 +28,8 @@ JOINT = {
 def test_what_integrates_begins_where_the_fit_has_it_and_stands(name):
     block, theta = CASES[name]
     fit, u = made(Chain((block,)), theta), excitation()
-    still = np.where([s.name in ("v0", "i0") for s in block.slots()], 0.0, theta)  # a speed, an integral
+    moves = [s.initial and s.name in ("v0", "i0", "x1", "x2") for s in block.slots()]  # a speed, an integral, a lag
+    still = np.where(moves, 0.0, theta)
     assert np.any(still[fit.model.initial])
     np.testing.assert_array_equal(fit.simulate(u), fit.model.simulate(still, u))
     record = sysid.IOData(u, fit.model.simulate(theta, u), fit.Ts)

@@ -32,7 +32,7 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
         out = [] if "--out" in words else ["--out", f"run{k}"]
         assert main([*words, *out, "--json"]) == 0, capsys.readouterr().err
         found.append(json.loads(capsys.readouterr().out))
-    files, channels, part, known, linear, wiener, held, loop = found
+    files, channels, part, known, linear, wiener, held, oven, oven_held, loop = found
     np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
     assert files["read"]["validation"]["file"] == "friday.csv"
     fits = channels["fit_percent"]["outputs"]
@@ -45,6 +45,10 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     assert values["linear.f2"] == pytest.approx(0.54, abs=0.01)
     assert wiener["fit_percent"]["estimation"] > 95.0
     assert linear["fit_percent"]["estimation"] < 90.0 < held["fit_percent"]["estimation"]
+    values = {v["name"]: v for v in oven["values"]}
+    for name, true in (("gain", 2.5), ("time constant T1", 120.0), ("delay", 8.0)):
+        assert values[name]["low"] < true < values[name]["high"]
+    assert next(v["value"] for v in oven_held["values"] if v["name"] == "delay") == 8.0
     assert loop["poles"][0]["re"] == pytest.approx(1.05, abs=0.01)
     low, high = loop["poles"][0]["intervals"]["real"]
     assert low < 1.05 < high

@@ -56,7 +56,7 @@ def c(program: Program, affine: Affine, structure: Mapping[str, float], slots: t
     constant = {name: c for name, (c, A) in affine.rows.items() if not A.any()}
     lengths = {name: np.empty(len(c)) for name, (c, _) in affine.rows.items()}
     folded = specialise(program, fixed, constant, structure)
-    limits = _limits(folded, slots, theta)
+    limits = _limits(folded, slots, theta, structure.get("Ts", 1.0))
     clamped = {slots[k].name: (Num(slots[k].lower), Num(limit)) for k, limit in limits.items()}
     if clamped:
         folded = replace(folded, step=map_expressions(folded.step, lambda e: _within(e, clamped)))
@@ -72,8 +72,8 @@ def _within(e: Expr, clamped: Mapping[str, tuple[Num, Num]]) -> Expr:
     return rebuilt(e, lambda a: _within(a, clamped))
 
 
-def _limits(program: Program, slots: tuple[Slot, ...], theta: np.ndarray) -> dict[int, float]:
-    """How far the parameters may go on which a look back hangs, by position."""
+def _limits(program: Program, slots: tuple[Slot, ...], theta: np.ndarray, Ts: float) -> dict[int, float]:
+    """How far the parameters may go on which a look back hangs, by position; in seconds with samples of Ts [s]."""
     waiting = [e.n for e in expressions(program.step) if isinstance(e, Ago)]
     names: set[str] = set()
     done: set[Var] = set()
@@ -84,11 +84,12 @@ def _limits(program: Program, slots: tuple[Slot, ...], theta: np.ndarray) -> dic
             elif isinstance(e, Var) and e not in done:
                 done.add(e)
                 waiting += [s.value for s in statements(program.step) if isinstance(s, Assign) and s.target == e]
-    return {
-        k: min(slot.upper, max(_LEAST_ROOM, math.ceil(_ROOM * theta[k])))
-        for k, slot in enumerate(slots)
-        if slot.name in names
-    }
+    limits = {}
+    for k, slot in enumerate(slots):
+        if slot.name in names:
+            unit = Ts if slot.unit == "s" else 1.0
+            limits[k] = min(slot.upper, unit * max(_LEAST_ROOM, math.ceil(_ROOM * theta[k] / unit)))
+    return limits
 
 
 class _C(Text):
@@ -232,6 +233,9 @@ class _C(Text):
             if n.op == "min":
                 return self._span(n.args[0])[0], math.ceil(end)
             return math.floor(end), math.floor(end)
+        if isinstance(n, Op) and n.op == "/" and isinstance(n.args[1], Num):  # a time by that of a sample
+            low, high = (end / n.args[1].value for end in self._span(n.args[0]))
+            return math.floor(low), math.ceil(high)
         return super()._span(n)
 
     # Statements

@@ -9,6 +9,7 @@ from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.innovations import Predictors
 from sysid.estimation.starts.joint import Joint
 from sysid.estimation.starts.own_blocks import OwnBlocks
+from sysid.estimation.starts.processes import Processes
 from sysid.estimation.starts.profile import Profile
 from sysid.estimation.starts.servo import Servo
 from sysid.estimation.starts.single_linear import SingleLinear
@@ -24,6 +25,7 @@ TABLE: dict[str, Start] = {
     "servo": Servo(),
     "staged_joint": StagedJoint(),
     "joint": Joint(),
+    "processes": Processes(),
     "profile": Profile(),
     "state_space": StateSpaces(),
     "single_linear": SingleLinear(),

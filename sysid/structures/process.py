@@ -1,0 +1,77 @@
+"""Process: gain, time constants or a pair of poles, zero, integrator and delay, in seconds."""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, ClassVar
+
+from sysid.base.checks import checked
+from sysid.base.errors import InputError, unknown
+from sysid.blocks import Offset, Process
+from sysid.data.record import IOData
+from sysid.model.chain import Chain
+from sysid.model.recipes import OFFSETS, Recipe, choice, with_offset
+
+_POLES = {"P0": (0, False), "P1": (1, False), "P2": (2, False), "P3": (3, False), "P2U": (0, True)}
+
+
+def _kinds() -> dict[str, Process]:
+    """The block of each kind by its name; a zero needs two poles, and there is at least one."""
+    kinds = {}
+    for poles, delay, integrator, zero in product(_POLES, *(("", letter) for letter in "DIZ")):
+        lags, pair = _POLES[poles]
+        if lags + 2 * pair + len(integrator) > len(zero):
+            name = f"{poles[:2]}{delay}{integrator}{zero}{poles[2:]}"
+            kinds[name] = Process(lags, pair, bool(zero), bool(integrator), bool(delay), role="plant")
+    return kinds
+
+
+KINDS = _kinds()
+
+
+def _kind(name: str) -> Process:
+    """The block of a kind whose letters may stand in any order."""
+    for known, block in KINDS.items():
+        if sorted(name.upper()) == sorted(known) and name.upper().startswith("P"):
+            return block
+    raise InputError(
+        f"unknown kind of process {name!r}; write P and the number of time constants, 0 to 3, then any of D (delay), I "
+        "(integrator), Z (zero; it needs two poles) and U (P2: a pair of poles), such as P1D or P2DZU"
+    )
+
+
+@checked
+def process(kind: str = "P1D", offset: str = "none", **limits: Any) -> Chain:
+    """y = K (1 + Tz s) exp(-Td s) / ((1 + T1 s)(1 + T2 s)(1 + T3 s) s) u + offset, in seconds.
+
+    kind: "P", the number of time constants (0 to 3), then letters: D for a delay Td, which need be no whole number of
+    samples, I for an integrator, Z for a zero, U for a pair of poles wn, zeta, real or complex, in place of T1 and T2;
+    such as "P1D" or "P2DZU". The input is held between its samples. `offset` is "free" for an offset of the output,
+    with an integrator of the input, which it integrates; else "none". `limits` are the `fixed` and `bounds` of the
+    chain, by parameter: plant.K [unit of y per unit of u], plant.T1 [s]. A fit takes the sampling time of its record.
+    """
+    block = _kind(kind)
+    if not block.integrator:
+        return Chain(with_offset([block], 1, offset), structure="process", **limits)
+    if offset not in OFFSETS:
+        raise unknown("offset", offset, OFFSETS)
+    before = (Offset(role="offset"),) if offset == "free" else ()
+    return Chain((*before, block), structure="process", **limits)
+
+
+@checked
+@dataclass(frozen=True)
+class ProcessModel(Recipe):
+    """Settings of `process`."""
+
+    name: ClassVar[str] = "process"
+    kind: str = choice("P1D", "P, number of lags, then D delay, I integrator, Z zero, U pair of poles", [*KINDS])
+    offset: str = choice("free", "offset of the output, or of the input before an integrator", OFFSETS)
+
+    def model(self) -> Chain:
+        return process(self.kind, self.offset)
+
+    def model_of(self, data: IOData) -> Chain:
+        return self.model().sampled(data.Ts)
+
+    def in_words(self, fit: Any = None) -> str:
+        return f"Process ({self.kind})"
