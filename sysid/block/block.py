@@ -112,6 +112,13 @@ class Block(ABC):
         """This block for samples of Ts [s]; itself if its times count in samples."""
         return self
 
+    def recalling(self, theta: np.ndarray) -> "Block | None":
+        """This block with every input before a record that it still sees at its beginning as a parameter u0, u1, ...
+
+        None of a block that sees none beyond those that it has.
+        """
+        return None
+
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
         """This block for an input x' = x / a (a (inputs,)) and an output y' = y / b (b (outputs,)).
 

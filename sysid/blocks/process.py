@@ -133,7 +133,8 @@ class Process(Recursion):
     `zero` or an `integrator` 1/s. Times are in seconds, of which `Ts` is a sample; a fit takes that of its record.
     The solution is exact, also where the delay is no whole number of samples: a sample then sees the end of one input
     and the beginning of the next. x1 to x4 are the states in which a record begins, outputs of the lags and of the
-    integrator (of a pair the output and its rate), u0 the input before the record, which a delay lets through.
+    integrator (of a pair the output and its rate). u0, u1, ... are the `history` inputs before the record that a delay
+    lets through, the latest first; the last of them also stands for all before it.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -146,6 +147,7 @@ class Process(Recursion):
     zero: bool = False
     integrator: bool = False
     delayed: bool = True
+    history: int = 1
     Ts: float = 1.0
 
     def __post_init__(self) -> None:
@@ -156,6 +158,8 @@ class Process(Recursion):
                 "a process needs a time constant, a pair or an integrator, and two of them beside a zero: its output "
                 "would jump with its input; add one"
             )
+        if self.history < 1:
+            raise InputError(f"history of a process is {self.history}; give at least 1 input before a record")
         if not 0.0 < self.Ts < np.inf:
             raise InputError(f"Ts of a process is {self.Ts}; give a positive number of seconds")
 
@@ -163,6 +167,14 @@ class Process(Recursion):
     def order(self) -> int:
         """Number of poles."""
         return self.lags + 2 * self.pair + self.integrator
+
+    def asked(self) -> Block | None:
+        return replace(self, history=1)
+
+    def recalling(self, theta: np.ndarray) -> Block | None:
+        """One past input more than the delay holds, since a longer one may fit better then."""
+        held = int(self.by_name(theta).get("Td", 0.0) / self.Ts) + 3
+        return replace(self, history=held) if self.delayed and held > self.history else None
 
     def sampled(self, Ts: float) -> Block:
         return self if self.Ts == Ts else replace(self, Ts=Ts)
@@ -179,7 +191,12 @@ class Process(Recursion):
         slots += [Slot(f"x{k}", initial=True) for k in self._in_order]
         slots += [Slot("x1", initial=True), Slot("x2", initial=True)] if self.pair else []
         slots += [Slot("x4", initial=True, holds=True)] if self.integrator else []
-        return (*slots, *([Slot("u0", initial=True)] if self.delayed else []))
+        return (*slots, *(Slot(name, initial=True) for name in self._past))
+
+    @property
+    def _past(self) -> list[str]:
+        """Names of the inputs before a record."""
+        return [f"u{k}" for k in range(self.history if self.delayed else 0)]
 
     @property
     def _in_order(self) -> range:
@@ -196,7 +213,8 @@ class Process(Recursion):
         from sysid.block.kernels import held_states
 
         m, y, own = self.by_name(theta), np.empty_like(x), self.n_parameters if J.shape[1] else 0
-        at_states = [k for k, slot in enumerate(self.slots()) if slot.initial and slot.name != "u0"]
+        at_states = [k for k, slot in enumerate(self.slots()) if slot.initial and slot.name not in self._past]
+        past = theta[len(theta) - len(self._past) :] if self._past else np.zeros(1)
         whole = int(np.clip(np.nan_to_num(m.get("Td", 0.0) / self.Ts), 0.0, len(x)))
         with np.errstate(all="ignore"):  # far from every plant; its cost is then infinite
             (F, *dF), (g, *dg), (c, *dc) = self._matrices({**self.absent, **m}, list(m)[:own], whole)
@@ -204,8 +222,8 @@ class Process(Recursion):
         if own:
             S[np.arange(n), [q + k for k in at_states]] = 1.0
         slopes = np.reshape(dF, (own, n, n)), np.reshape(dg, (own, n, 2)), np.reshape(dc, (own, n))
-        before, dw = list(m).index("u0") if self.delayed else -1, np.ascontiguousarray(J[:, :q])
-        held_states(F, g, c, *slopes, whole, m.get("u0", 0.0), before, x, dw, theta[at_states], S, y, J, q)
+        before, dw = len(theta) - len(past) if self._past else -1, np.ascontiguousarray(J[:, :q])
+        held_states(F, g, c, *slopes, whole, past, before, x, dw, theta[at_states], S, y, J, q)
         return y
 
     def _matrices(self, m: dict[str, float], names: list[str], whole: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -241,18 +259,22 @@ class Process(Recursion):
         ]
 
     def law(self, a: np.ndarray, b: np.ndarray) -> Law | None:
-        sizes = {"K": b[0] / a[0], "u0": a[0], **dict.fromkeys(("x1", "x2", "x3", "x4"), b[0])}
+        sizes = {"K": b[0] / a[0], **dict.fromkeys(self._past, a[0]), **dict.fromkeys(("x1", "x2", "x3", "x4"), b[0])}
         return Law(self, np.diag([sizes.get(slot.name, 1.0) for slot in self.slots()]))
 
     def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
         names = [slot.name for slot in self.slots()]
-        of = {name: np.array([float(n in name.split()) for n in names]) for name in ("K", "u0", "x1 x2 x3 x4", "x4")}
-        at_input, at_output = theta * (of["u0"] - of["K"]), theta * (of["K"] + of["x1 x2 x3 x4"])
+
+        def marks(*chosen: str) -> np.ndarray:
+            return np.array([float(name in chosen) for name in names])
+
+        past, states = marks(*self._past), marks("x1", "x2", "x3", "x4")
+        at_input, at_output = theta * (past - marks("K")), theta * (marks("K") + states)
         changes = [Symmetry(at_input, in_scale=1.0), Symmetry(at_output, out_scale=1.0)]
         if self.integrator:
-            return [*changes, Symmetry(of["x4"], out_shift=1.0)]
-        levels = np.array([float(n in ("x1", "x2", "x3")[: max(self.lags, self.pair)]) for n in names])
-        return [*changes, Symmetry(of["u0"] + theta[0] * levels, in_shift=1.0, out_shift=theta[0])]
+            return [*changes, Symmetry(marks("x4"), out_shift=1.0)]
+        levels = marks(*("x1", "x2", "x3")[: max(self.lags, self.pair)])
+        return [*changes, Symmetry(past + theta[0] * levels, in_shift=1.0, out_shift=theta[0])]
 
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Times and damping changed by a factor of up to about two, the delay by up to two samples too."""

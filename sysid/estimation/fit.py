@@ -13,7 +13,8 @@
 7. Finer maps, where the objective asks for them: many break points, with a prior that the record chooses
    (`finer_maps`).
 8. Named maps: shapes of few numbers instead, where the record says that a map has one (`named_maps`).
-9. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
+9. Past inputs: those that a delay holds at the beginning, where the first outputs show them (`past_inputs`).
+10. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
 """
 
 import time
@@ -46,6 +47,7 @@ from sysid.estimation.named_maps import named_maps
 from sysid.estimation.normal import Normal
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.origin import Origin, check_channels, share_explained
+from sysid.estimation.past_inputs import past_inputs
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit, check_complete
 from sysid.estimation.search import (
@@ -118,6 +120,7 @@ def fit_chain(
             weights = start.smoothing if isinstance(start, Fit) else None
             model, normal, result = finer_maps(model, data, normal, result, context, weights)
             model, normal, result = named_maps(model, data, normal, result, context)
+        model, normal, result = past_inputs(model, data, normal, result, context)
     fit = _result(model, data, normal, result)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began, prior=objective.prior)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
@@ -294,7 +297,9 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
         warnings.append(
             f"{', '.join(names_outside)} ended outside the bounds, since the block has limits of its own; widen them"
         )
-    before = np.array([slot.initial and slot.name == "u0" for slot in model.slots])  # an input that may have no effect
+    before = np.array(
+        [slot.initial and slot.name[0] == "u" for slot in model.slots]
+    )  # an input that may have no effect
     lost = cov.unidentifiable & ~before
     counts = [(b, int(lost[model.index(b)].sum())) for b in model.blocks]
     parameters = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]

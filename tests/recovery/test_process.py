@@ -123,6 +123,20 @@ def test_values_are_found_from_nothing_and_lie_in_their_intervals(kind, truth):
     assert fit.warnings == ()
 
 
+def test_a_record_that_is_cut_out_of_a_run_has_the_inputs_that_the_delay_held():
+    """Its first outputs answer inputs before it; a steady beginning needs none of them, and has one level."""
+    truth = {"K": -2.0, "T1": 9.0, "Td": 4.13}
+    whole = record("P1D", truth, noise=0.002)
+    cut = whole.select(203, 803)
+    fit = sysid.fit(process("P1D", offset="free"), cut)
+    assert fit.criteria.mse < 1.05 * 0.002**2
+    assert fit.model.blocks[0].history == 11
+    assert sysid.fit(process("P1D", offset="free"), whole).model.blocks[0].history == 1
+    np.testing.assert_allclose(fit.simulate(cut, cut.N)[:20], cut.y[:20, 0], atol=5 * 0.002)
+    for v, true in zip(named_values(fit, cut), truth.values(), strict=True):
+        assert abs(v.value - true) < 2.0 * (v.high - v.value)
+
+
 def test_intervals_hold_as_often_as_they_say():
     truth = {"K": 2.0, "T1": 9.0, "Td": 4.13}
 
