@@ -44,6 +44,7 @@ from sysid.excitations import Aprbs, Chirp, Multisine, Prbs, Staircase, Steps, S
 from sysid.structures import (
     ActuatedJoint,
     Armax,
+    Arx,
     CoupledDrives,
     Hammerstein,
     HammersteinWiener,
@@ -273,6 +274,7 @@ EXCITATIONS = {
 STRUCTURES = {
     "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01, load="spring", stops="lower"),
     "armax": Armax(2, 2, 1, "saturation"),
+    "arx": Arx(2, 2, 1),
     "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),

@@ -66,6 +66,7 @@ def drives(seed: int, N: int = 400) -> sysid.IOData:
 
 CASES: dict[str, tuple[Callable[[], object], Callable[[int], sysid.IOData]]] = {
     "armax": (lambda: S.armax(2, 2, 1), plant),
+    "arx": (lambda: S.arx(2, 2, 1), plant),
     "coupled_drives": (lambda: S.coupled_drives(2, 2, 1), drives),
     "hammerstein": (lambda: S.hammerstein(2, 2, 1), partial(plant, before=True)),
     "hammerstein_wiener": (
@@ -75,6 +76,7 @@ CASES: dict[str, tuple[Callable[[], object], Callable[[int], sysid.IOData]]] = {
     "motor_profile": (lambda: S.motor_profile(3), profile),
     "nlarx": (lambda: S.nlarx(2, 2, 1, units=2), partial(plant, behind=True)),
     "output_error": (lambda: S.output_error(2, 2, 1), plant),
+    "process": (lambda: S.process("P2D", offset="free"), plant),
     "servo_joint": (lambda: S.servo_joint(), servo),
     "state_space": (lambda: S.state_space(2, 0, degree=2), partial(plant, behind=True)),
     "wiener": (lambda: S.wiener(2, 2, 1, output="polynomial"), partial(plant, behind=True)),

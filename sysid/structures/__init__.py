@@ -3,6 +3,7 @@
 from sysid.model.recipes import Recipe
 from sysid.structures.actuated_joint import ActuatedJoint, actuated_joint
 from sysid.structures.armax import Armax, armax
+from sysid.structures.arx import Arx, arx
 from sysid.structures.coupled_drives import CoupledDrives, coupled_drives
 from sysid.structures.hammerstein import Hammerstein, hammerstein
 from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_wiener
@@ -18,6 +19,7 @@ from sysid.structures.wiener_hammerstein import WienerHammerstein, wiener_hammer
 TABLE: dict[str, type[Recipe]] = {
     "actuated_joint": ActuatedJoint,
     "armax": Armax,
+    "arx": Arx,
     "coupled_drives": CoupledDrives,
     "hammerstein": Hammerstein,
     "hammerstein_wiener": HammersteinWiener,
@@ -35,6 +37,7 @@ __all__ = [
     "TABLE",
     "ActuatedJoint",
     "Armax",
+    "Arx",
     "CoupledDrives",
     "Hammerstein",
     "HammersteinWiener",
@@ -49,6 +52,7 @@ __all__ = [
     "WienerHammerstein",
     "actuated_joint",
     "armax",
+    "arx",
     "coupled_drives",
     "hammerstein",
     "hammerstein_wiener",

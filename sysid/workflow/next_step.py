@@ -19,6 +19,7 @@ from sysid.selection.table import SECONDS
 from sysid.structures import (
     ActuatedJoint,
     Armax,
+    Arx,
     Hammerstein,
     HammersteinWiener,
     NonlinearArx,
@@ -34,7 +35,14 @@ from sysid.workflow.results import Evaluation, Identification, NextStep
 STARTS = 5  # with fewer, another start may find more; from the second on it rarely does
 MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
-_CLASSES = {OutputError.name: 0, Armax.name: 1, Hammerstein.name: 1, Wiener.name: 1, HammersteinWiener.name: 2}
+_CLASSES = {
+    OutputError.name: 0,
+    Armax.name: 1,
+    Arx.name: 0,
+    Hammerstein.name: 1,
+    Wiener.name: 1,
+    HammersteinWiener.name: 2,
+}
 _RICHER = 3  # every other structure
 
 
@@ -139,7 +147,7 @@ def _ends(result: Identification) -> NextStep | None:
 def _loop(result: Identification) -> NextStep | None:
     """A controller makes the input, or the plant integrates or is not stable: a model that predicts."""
     e = result.evaluation
-    if isinstance(e.setting.recipe, Armax | NonlinearArx | ActuatedJoint):
+    if isinstance(e.setting.recipe, Armax | Arx | NonlinearArx | ActuatedJoint):
         return None
     if _in_loop(result):
         reason = "the input seems to come from a controller of the output"
@@ -371,7 +379,7 @@ def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
         return advice
     if advice.topic == "delay" and np.isfinite(delay := advice.value):
         if {"nb", "nk"} <= set(fitted.orders) and not _holds(fitted, int(delay)):
-            if delay == 0 and isinstance(fitted, Armax):  # the sentence says that a controller may do the same
+            if delay == 0 and isinstance(fitted, Armax | Arx):  # the sentence says that a controller may do the same
                 return replace(advice, call="", command=())
             with_delay: dict[str, Any] = {"nk": int(delay)}
             options = _options(replace(fitted, **with_delay))

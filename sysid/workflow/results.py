@@ -49,7 +49,7 @@ class Growing:
 
 @dataclass(frozen=True)
 class OneStep:
-    """One-step-ahead prediction of a nonlinear ARX or an ARMAX model from the measured outputs.
+    """One-step-ahead prediction of an ARX, ARMAX or nonlinear ARX model from the measured outputs.
 
     `growth` is that of a model that does not settle. Outputs (N,) on the scale of their data, fits in %. The one-step
     fit is near 100 % for any smooth, finely sampled signal: do not compare it with the fit of a free run.
