@@ -242,6 +242,27 @@ class Process(Recursion):
         c = _rows(output(s, p, self), len(names), n)
         return np.ascontiguousarray(moved[:, :, :n]), np.ascontiguousarray(moved[:, :, n:]), c
 
+    def rational(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """B (m,) and F (n + 1,) of the sampled block in powers of q^-1, and their gradients (m, p) and (n + 1, p)."""
+        m, n = self.by_name(theta), self.order
+        whole = int(m.get("Td", 0.0) / self.Ts)
+        F, g, c = self._matrices({**self.absent, **m}, list(m), whole)
+
+        def polynomials(F: np.ndarray, g: np.ndarray, c: np.ndarray) -> np.ndarray:
+            f = np.real(np.poly(F))
+            response = np.array([np.zeros(2), *(c @ np.linalg.matrix_power(F, k) @ g for k in range(n))])
+            early, late = (np.convolve(f, column)[: n + 1] for column in response.T)
+            b = np.append(late, 0.0) + np.append(0.0, early)
+            return np.concatenate([np.zeros(whole), b if self.delayed else late, f])
+
+        value, slopes = polynomials(F[0], g[0], c[0]), []
+        for dF, dg, dc in zip(F[1:], g[1:], c[1:], strict=True):
+            h = 1e-6 / max(np.abs(dF).max(), np.abs(dg).max(), np.abs(dc).max(), 1e-300)
+            ends = [polynomials(F[0] + s * dF, g[0] + s * dg, c[0] + s * dc) for s in (h, -h)]
+            slopes.append((ends[0] - ends[1]) / (2.0 * h))
+        gradient, k = np.transpose(slopes), len(value) - n - 1
+        return value[:k], value[k:], gradient[:k], gradient[k:]
+
     def admissible(self, theta: np.ndarray) -> bool:
         return all(s.lower <= value <= s.upper for s, value in zip(self.slots(), theta.tolist(), strict=True))
 

@@ -13,7 +13,7 @@ from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import Innovations, StateSpace
+from sysid.blocks import Innovations, Process, StateSpace
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
@@ -240,14 +240,18 @@ class Fit(FitMethods):
 
     @cached_property
     def _around_centre(self) -> Rational | None:
-        """The tangent of a chain that begins with a state space of one channel; None for other chains, and where the
-        input's centre gives no steady state.
+        """The tangent of a process, or of a chain that begins with a state space of one channel.
+
+        None for other chains, and where the input's centre gives no steady state.
         """
         first = self.model.blocks[0]
-        if not isinstance(first, StateSpace) or first.channels != (1, 1):
+        is_space = isinstance(first, StateSpace) and first.channels == (1, 1)
+        if not is_space and not any(isinstance(b, Process) for b in self.model.blocks):
             return None
         try:
-            return tangent(self.model, self.theta, float(first.scales()[0][0]))
+            return tangent(
+                self.model, self.theta, float(first.scales()[0][0]) if isinstance(first, StateSpace) else 0.0
+            )
         except InputError:
             return None
 

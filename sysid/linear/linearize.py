@@ -13,7 +13,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.poles import Motion, motion
 from sysid.block.writing import number
-from sysid.blocks import StateSpace
+from sysid.blocks import Process, StateSpace
 from sysid.estimation.result import Fit
 from sysid.model.tangents import tangent as rational
 from sysid.nlarx import linearize as nlarx_linearize
@@ -78,7 +78,7 @@ def fraction(fit: Fit, u: float = 0.0, x: float | None = None) -> tuple[np.ndarr
 
     Raises InputError where the model has no operating point there.
     """
-    if any(isinstance(b, StateSpace) for b in fit.model.blocks):
+    if any(isinstance(b, StateSpace | Process) for b in fit.model.blocks):
         G = rational(fit.model, fit.theta, u)
         return np.concatenate([np.zeros(max(len(G.F) - len(G.B), 0)), G.B]), G.F
     op = findop(fit, u, x)
@@ -177,7 +177,7 @@ def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
     integrates = _integrates(fit)
     if isinstance(fit, NlarxFit):
         G, y = tangent(fit, level), nlarx_linearize.findop(fit, level).y
-    elif any(isinstance(b, StateSpace) for b in fit.model.blocks):
+    elif any(isinstance(b, StateSpace | Process) for b in fit.model.blocks):
         G, y = tangent(fit, level), float(np.ravel(fit.simulate(np.full(5000, level)))[-1])
     else:
         G, y = (
@@ -189,7 +189,7 @@ def tangent_at(fit: Fit | NlarxFit, u: float | None = None) -> Tangent:
 
 def _check_linear(fit: Fit) -> None:
     n = len(fit.model.dynamics)
-    if n != 1 and not any(isinstance(b, StateSpace) for b in fit.model.blocks):
+    if n != 1 and not any(isinstance(b, StateSpace | Process) for b in fit.model.blocks):
         raise InputError(
             f"a linear model is written of a chain with one transfer function, and {fit.model.structure or 'this one'} "
             f"has {n or 'none'}; fit such a one to the same log, for example qpal identify LOG --structure output_error"

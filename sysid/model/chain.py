@@ -13,7 +13,7 @@ from sysid.base.errors import InputError, unknown
 from sysid.base.kinds import is_number
 from sysid.block.block import Block, Slot, StaticBlock
 from sysid.block.symmetry import gauge
-from sysid.blocks import TransferFunction
+from sysid.blocks import Process, TransferFunction
 
 C = TypeVar("C", bound=Callable[..., Any])
 
@@ -181,6 +181,11 @@ class Chain:
                 if isinstance(entry, TransferFunction):
                     filters.append((slice(start + part.start, start + part.stop), entry))
         return tuple(filters)
+
+    @property
+    def has_poles(self) -> bool:
+        """Whether it has linear dynamics: transfer functions, or a process."""
+        return bool(self.dynamics) or any(isinstance(b, Process) for b in self.blocks)
 
     @property
     def predicts(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.poles import ROUNDING
 from sysid.block.block import StaticBlock
-from sysid.blocks import Innovations, StateSpace, TransferFunction
+from sysid.blocks import Innovations, Process, StateSpace, TransferFunction
 from sysid.model.chain import Chain
 
 _STEP = 1e-6  # of the signal's size: step of the central difference that gives the gradient of a slope
@@ -58,7 +58,7 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     x, J = np.array([float(u)]), np.zeros((1, P))
     for b in chain.blocks:
         part = chain.index(b)
-        if isinstance(b, TransferFunction):
+        if isinstance(b, TransferFunction | Process):
             factor = transfer(chain, theta, b)
             total = total.times(factor)
             gain = factor.gain
@@ -82,9 +82,14 @@ def tangent(chain: Chain, theta: np.ndarray, u: float = 0.0) -> Rational:
     return total
 
 
-def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction) -> Rational:
+def transfer(chain: Chain, theta: np.ndarray, block: TransferFunction | Process) -> Rational:
     """One transfer function of the chain, with gradients in the whole theta."""
     part, P = chain.index(block), len(theta)
+    if isinstance(block, Process):
+        B, F, own_B, own_F = block.rational(theta[part])
+        dB, dF = np.zeros((len(B), P)), np.zeros((len(F), P))
+        dB[:, part], dF[:, part] = own_B, own_F
+        return Rational(B, F, dB, dF)
     B, F = block.padded(theta[part])
     dB, dF = np.zeros((len(B), P)), np.zeros((len(F), P))
     for i in range(block.nb):
@@ -131,7 +136,7 @@ def steady_curve(chain: Chain, theta: np.ndarray, u: np.ndarray) -> tuple[np.nda
     """Steady-state output (n,) for constant inputs u (n,), and its gradient (n, P)."""
     x, J = np.ascontiguousarray(u, dtype=float), np.zeros((len(u), len(theta)))
     for b in chain.blocks:
-        if isinstance(b, TransferFunction):
+        if isinstance(b, TransferFunction | Process):
             factor = transfer(chain, theta, b)
             if not np.isfinite(factor.gain):
                 raise InputError("the chain integrates, so a constant input has no steady state")

@@ -13,7 +13,7 @@ from scipy.special import chdtri, fdtri
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError
 from sysid.base.poles import time_constant
-from sysid.blocks import Innovations, StateSpace, TransferFunction
+from sysid.blocks import Innovations, Process, StateSpace, TransferFunction
 from sysid.model.tangents import Rational, estimator, steady_curve, tangent, transfer
 from sysid.uncertainty.information import Information
 
@@ -178,8 +178,10 @@ def steady_state(info: Information, u: np.ndarray | None = None, level: float = 
 
 
 def _of_state_space(info: Information) -> Rational | None:
-    """The tangent with the input at its centre, of a chain that begins with a state space."""
+    """The tangent of a process, or with the input at its centre, of a chain that begins with a state space."""
     first = info.chain.blocks[0]
+    if any(isinstance(b, Process) for b in info.chain.blocks):
+        return tangent(info.chain, info.theta)
     return tangent(info.chain, info.theta, float(first.scales()[0][0])) if isinstance(first, StateSpace) else None
 
 

@@ -109,7 +109,7 @@ def evaluate_fit(
     tests, higher, output_tests, remarks = _residual_tests(fit, validation, several)
     notes += remarks
     step = None
-    if chain is not None and chain.model.dynamics and not several:
+    if chain is not None and chain.model.has_poles and not several:
         step = _step_response(chain, float(np.mean(estimation.u)))
         if step is None:
             notes.append("no step response: the tangent model has no finite step response")
@@ -264,7 +264,7 @@ def _uncertainty(
 ) -> tuple[tuple[Root, ...] | None, OutputBand | None]:
     """Poles with intervals that allow for coloured residuals, and the band of the validation run; None without one."""
     try:
-        if not fit.model.dynamics:
+        if not fit.model.has_poles:
             is_banded = fit.prior is not None and len(validation.experiments) == 1
             return None, joint_band(fit, estimation, validation) if is_banded else None
         info = information(fit, estimation, lags="auto" if coloured else None)

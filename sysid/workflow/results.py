@@ -143,7 +143,7 @@ class Evaluation:
     @property
     def linear(self) -> bool:
         """Whether the model has a linear block, and therefore poles."""
-        return isinstance(self.fit, Fit) and bool(self.fit.model.dynamics)
+        return isinstance(self.fit, Fit) and self.fit.model.has_poles
 
     @property
     def poles(self) -> np.ndarray:

@@ -14,6 +14,8 @@ from sysid import InputError, IOData
 from sysid.blocks import Process
 from sysid.structures import ProcessModel, process
 from sysid.structures.process import KINDS
+from sysid.uncertainty import responses
+from sysid.uncertainty.information import information
 from sysid.workflow.named_values import named_values
 from twin.cli import main
 
@@ -64,6 +66,35 @@ def test_the_output_is_that_of_matrix_exponentials(kind, Ts):
         theta = theta_of(block, **other)
         expected = by_exponentials(block, theta, u)
         np.testing.assert_allclose(block.output(theta, u), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_the_sampled_fraction_is_the_same_process_with_exact_gradients(kind):
+    block = KINDS[kind].sampled(0.5)
+    theta = theta_of(block, x1=0.0, x2=0.0, x3=0.0, x4=0.0, u0=0.0)
+    u = np.repeat(np.random.default_rng(0).normal(size=10), 6)
+    B, F, dB, dF = block.rational(theta)
+    expected = block.output(theta, u)
+    np.testing.assert_allclose(lfilter(B, F, u), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    for k, slot in enumerate(block.slots()):
+        e = 1e-6 * np.eye(len(theta))[k]
+        ends = [np.concatenate(block.rational(theta + s * e)[:2]) for s in (1.0, -1.0)]
+        difference = (ends[0] - ends[1]) / 2e-6
+        np.testing.assert_allclose(np.concatenate([dB[:, k], dF[:, k]]), difference, atol=1e-6, err_msg=slot.name)
+
+
+def test_poles_and_frequency_response_are_those_of_the_plant():
+    truth = {"K": 1.5, "wn": 0.4, "zeta": 0.2, "Td": 1.9}
+    data = record("P2DU", truth, noise=0.002)
+    fit = sysid.fit(process("P2DU", offset="free"), data)
+    s = -0.2 * 0.4 + 0.4j * np.sqrt(1.0 - 0.2**2)
+    assert np.sort_complex(fit.poles)[1] == pytest.approx(np.exp(0.5 * s), abs=1e-3)
+    response = responses.frequency(information(fit, data), w=np.array([0.02, 0.2, 0.4, 0.8]))
+    jw = 1j * response.magnitude.x
+    held = (1.0 - np.exp(-0.5 * jw)) / (0.5 * jw)  # aliases add less than 1e-3 here
+    exact = 1.5 / (1.0 + 0.4 * jw / 0.4 + (jw / 0.4) ** 2) * np.exp(-1.9 * jw) * held
+    np.testing.assert_allclose(response.magnitude.value, np.abs(exact), rtol=0.01)
+    np.testing.assert_allclose(response.phase.value, np.degrees(np.unwrap(np.angle(exact))), atol=1.0)
 
 
 def test_a_slow_process_of_three_equal_time_constants_keeps_its_digits():
@@ -177,8 +208,10 @@ def test_the_oven_comes_right_on_the_command_line(tmp_path, monkeypatch, capsys)
         assert values[name]["high"] - values[name]["low"] < 0.06 * true
     page = Path("run/report.html").read_text()
     assert "time constant T1" in page
+    assert "Frequency response of the linear model" in page
     assert "actuated joint" not in page
     assert main([*IDENTIFY, "--fix", "plant.Td=8", "--out", "held"]) == 0
     held = {v["name"]: v for v in json.loads(capsys.readouterr().out)["values"]}
     assert held["delay"]["low"] == held["delay"]["value"] == 8.0
     assert main(["run", "run/model.json", "oven.csv"]) == 0
+    assert main(["export", "run/model.json", "--control", "--c", "--python"]) == 0
