@@ -7,7 +7,6 @@ A room is a folder of the house; its own `__init__.py` says what is in it. Rooms
 from . import (
     bench as bench,
     blocks as blocks,
-    channels as channels,
     data as data,
     diagnosis as diagnosis,
     excitations as excitations,
@@ -41,5 +40,6 @@ from .nlarx.result import NlarxFit as NlarxFit
 from .selection.select import select as select
 from .solver.iterate import Options as Options
 from .uncertainty.information import information as information
+from .uncertainty.spectrum import spectrum as spectrum
 from .validation.compare import compare as compare, cross_validate as cross_validate
 from .workflow.record import read as read

@@ -14,6 +14,7 @@ from sysid.drawing.figure import Axis, Band, Figure, Item, Line, Panel, Rule, ha
 from sysid.uncertainty import intervals
 from sysid.uncertainty.information import UNEXCITED
 from sysid.uncertainty.responses import FrequencyResponse
+from sysid.uncertainty.spectrum import Spectrum
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,7 +41,10 @@ def impulse(
 def bode(
     response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""
 ) -> list[Axes]:
-    """Magnitude and phase of the tangent. The band is wide at frequencies where the record has little power."""
+    """Magnitude and phase of the tangent, or of a `sysid.spectrum` with its coherence below.
+
+    The band is wide at frequencies where the record has little power.
+    """
     return draw(bode_figure(response, y_unit, u_unit), axes)
 
 
@@ -77,22 +81,22 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
     air = 0.2 * (high - low) + 10.0
     y = Axis(gain.label, gain.name, gain.unit, log=True, limits=(0.3 * float(size.min()), 3.0 * float(size.max())))
     x = Axis("frequency [rad/s]", log=True)
+    estimated = isinstance(response, Spectrum)
+    curve, title = (
+        ("estimate", "spectral estimate") if estimated else ("tangent", "frequency response of the tangent model")
+    )
     panels = [
+        Panel(curve_items(magnitude, curve, 1.0, gain.factor), y, x, title, 1.3, in_small(magnitude.note)),
         Panel(
-            curve_items(magnitude, "tangent", 1.0, gain.factor),
-            y,
-            x,
-            "frequency response of the tangent model",
-            1.3,
-            in_small(magnitude.note),
-        ),
-        Panel(
-            curve_items(phase, "tangent", 1.0, 1.0, key=False),
+            curve_items(phase, curve, 1.0, 1.0, key=False),
             Axis.of(Quantity("phase", "deg"), (low - air, high + air)),
             x,
             note=in_small(phase.note),
         ),
     ]
+    if isinstance(response, Spectrum):
+        line = Line(magnitude.x, response.coherence, "coherence", key=False)
+        panels.append(Panel([line], Axis.of(Quantity("coherence", ""), (0.0, 1.05)), x))
     return Figure(panels, height=5.2, said=note_sentences("all of the response", magnitude.note))
 
 
