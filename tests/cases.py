@@ -228,10 +228,6 @@ MOVING = {
         Process(lags=3, role="map"),
         np.array([1.3, 1.6, 1.63, 1.58, 1.37, 0.4, -0.2, 0.1, 0.3]),
     ),
-    "process_recalls": (  # K, T1, Td, x1, u0, u1, u2: a delay that holds three other inputs as the record begins
-        Process(history=3, role="map"),
-        np.array([1.3, 1.6, 3.37, 0.4, 0.3, -0.5, 0.8]),
-    ),
     "process_integrates": (  # K, wn, zeta, Tz, x1, x2, x4
         Process(lags=0, pair=True, zero=True, integrator=True, delayed=False, role="map"),
         np.array([0.3, 0.9, 0.4, -0.6, 0.4, 0.1, -0.3]),

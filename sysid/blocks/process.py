@@ -134,7 +134,8 @@ class Process(Recursion):
     The solution is exact, also where the delay is no whole number of samples: a sample then sees the end of one input
     and the beginning of the next. x1 to x4 are the states in which a record begins, outputs of the lags and of the
     integrator (of a pair the output and its rate). u0, u1, ... are the `history` inputs before the record that a delay
-    lets through, the latest first; the last of them also stands for all before it.
+    lets through, the latest first; the last of them also stands for all before it. Exported files begin at rest, so
+    that the step knows u0 alone.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}

@@ -215,3 +215,46 @@ def test_the_oven_comes_right_on_the_command_line(tmp_path, monkeypatch, capsys)
     assert held["delay"]["low"] == held["delay"]["value"] == 8.0
     assert main(["run", "run/model.json", "oven.csv"]) == 0
     assert main(["export", "run/model.json", "--control", "--c", "--python"]) == 0
+
+
+def test_a_plant_without_delay_is_not_said_to_be_undetermined():
+    """The input before its record has no effect, which is no fault of the record."""
+    data = record("P1D", {"K": 2.0, "T1": 9.0, "Td": 0.0})
+    fit = sysid.fit(process("P1D", offset="free", fixed={"plant.Td": 0.0}), data)
+    values = {v.name: v for v in named_values(fit, data)}
+    assert values["time constant T1"].holds(9.0)
+    assert fit.warnings == ()
+
+
+def test_exported_c_keeps_as_many_inputs_as_the_delay_holds_whatever_the_unit_of_time():
+    for Ts in (1e-4, 1.0, 60.0):
+        block = Process(Ts=Ts)
+        assert block.c(theta_of(block, Td=20.0)).states["past"] < 45
+
+
+def test_past_inputs_are_those_of_a_longer_record():
+    """Three of them, and exact derivatives; a file that is exported begins at rest, so that its step needs one."""
+    u, block = np.random.default_rng(0).normal(size=40), Process(lags=2, history=3)
+    theta = np.array([1.3, 1.6, 0.9, 1.37, 0.4, -0.2, *u[9:6:-1]])
+    longer = np.concatenate([np.full(200, u[7]), u[8:]])
+    states = {"x1": 0.0, "x2": 0.0}
+    whole = by_exponentials(Process(lags=2), np.array([1.3, 1.6, 0.9, 1.37, *states.values(), u[7]]), longer)
+    rest = np.linalg.lstsq(own(block, theta, u[10:])[:, 4:6], whole[202:] - at(block, theta, u[10:]), rcond=None)[0]
+    np.testing.assert_allclose(at(block, theta, u[10:], rest), whole[202:], atol=1e-9)
+    J = own(block, theta, u[10:])
+    for k in range(len(theta)):
+        e = 1e-6 * np.eye(len(theta))[k]
+        difference = (block.output(theta + e, u[10:]) - block.output(theta - e, u[10:])) / 2e-6
+        np.testing.assert_allclose(J[:, k], difference, atol=1e-7)
+
+
+def own(block, theta, u):
+    """dy/dtheta (N, p)."""
+    J = np.empty((len(u), len(theta)))
+    block.propagate(theta, u, J, 0)
+    return J
+
+
+def at(block, theta, u, more=(0.0, 0.0)):
+    """The output with other initial states of two lags."""
+    return block.output(theta + np.array([0.0] * 4 + [*more] + [0.0] * 3), u)

@@ -92,6 +92,13 @@ def _limits(program: Program, slots: tuple[Slot, ...], theta: np.ndarray, Ts: fl
     return limits
 
 
+def _divided(e: Expr, by: float) -> Expr:
+    """The limits of a parameter by that of a sample."""
+    if isinstance(e, Num):
+        return Num(e.value / by)
+    return Op(e.op, tuple(_divided(a, by) for a in e.args)) if isinstance(e, Op) and e.op in ("min", "max") else e
+
+
 class _C(Text):
     words: ClassVar = {"and": "&&", "or": "||", "not": "!"}
     numbers: Affine
@@ -234,8 +241,7 @@ class _C(Text):
                 return self._span(n.args[0])[0], math.ceil(end)
             return math.floor(end), math.floor(end)
         if isinstance(n, Op) and n.op == "/" and isinstance(n.args[1], Num):  # a time by that of a sample
-            low, high = (end / n.args[1].value for end in self._span(n.args[0]))
-            return math.floor(low), math.ceil(high)
+            return self._span(_divided(n.args[0], n.args[1].value))
         return super()._span(n)
 
     # Statements
