@@ -219,6 +219,11 @@ class Motor(Recursion):
         return tuple(f"{wave}{k}" for k in range(1, self.periodic + 1) for wave in ("sine", "cosine"))
 
     def slots(self) -> tuple[Slot, ...]:
+        return self._slots
+
+    @cached_property
+    def _slots(self) -> tuple[Slot, ...]:
+        """Made once: a search asks for them at each of its points."""
         slots = [
             Slot("gain", "1/V/sample", lower=0.0),
             Slot("lag", "samples", lower=_FASTEST),

@@ -197,7 +197,7 @@ def iterate(
     e = problem.residual(p)
     if e is None or not np.all(np.isfinite(e)):
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
-    cost, reason, converged, iteration = float(e @ e), "", False, 0
+    cost, improvement, reason, converged, iteration = float(e @ e), np.inf, "", False, 0
     del e  # a long record does without it
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:
@@ -221,6 +221,9 @@ def iterate(
         if time.monotonic() > _UNTIL.get():
             reason = "the time of the fit is over"
             break
+        if 0 < iteration == options.max_iterations:  # whether it could go on would take a Jacobian that nobody uses
+            reason = f"limit of {iteration} iterations reached; expected improvement of the last {improvement:.2g} %"
+            break
         if iteration == 0 and options.first_grain:
             p, cost = _rounded_start(problem, p, cost, anchor, options.first_grain)
         with np.errstate(over="ignore", invalid="ignore"):  # see _LARGEST
@@ -240,9 +243,7 @@ def iterate(
             reason = f"limit of {options.max_seconds:g} s reached; expected improvement still {improvement:.2g} %"
             break
         if iteration == options.max_iterations:
-            reason = (
-                f"limit of {options.max_iterations} iterations reached; expected improvement still {improvement:.2g} %"
-            )
+            reason = f"limit of 0 iterations reached; expected improvement still {improvement:.2g} %"
             break
         trials.clear()
         step = search.step(lin, attempt, memory, options)
