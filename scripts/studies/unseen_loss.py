@@ -4,7 +4,8 @@ Plants of the chain structures with orders 1 to 4 and maps of eleven families, N
 the true orders and the structure's default maps. Each fit runs free on another draw of its own kind of input and on
 another kind, 3000 samples. "inside" are those whose maps meet less than 1 % of signals that the record has not shown;
 the others extrapolate, which no record settles. "bands" are the shares of measured unseen samples that the 50 % and the
-95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %. "named" counts the shapes
+95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %. "said" counts the default
+fits that lose more than 3 points and say so: by a warning, or by a band that still holds 85 %. "named" counts the shapes
 that the default names for maps: right ones of those that the plants have, and wrong ones of all other maps.
 
     python scripts/study.py unseen_loss --seeds 0:25 --figure loss.png    # beside it the worst runs: loss-worst.png
@@ -38,6 +39,7 @@ N_UNSEEN, SETTLED = (
 )  # samples of an unseen run, and those of its start that do not count: they give its initial state
 OUTSIDE = 0.01  # share of samples beyond the range of the record
 LEVELS = (0.5, 0.95)
+BAD, ENOUGH = 3.0, 0.85  # points lost, and the share of samples that a band of 95 % should at least hold
 OBJECTIVES = {"knots 0": Objective(knots=0), "no shapes": Objective(shapes=False), "default": Objective()}
 COLORS = ("tab:orange", "tab:green", "tab:blue")
 NAMED = (Polynomial, Saturation, DeadZone, DeadZoneSaturation)
@@ -129,6 +131,13 @@ def losses(rows: list[Row], name: str, kind: str, inside: bool) -> np.ndarray:
     return np.array([r[name].get(kind, np.inf) for r in chosen])
 
 
+def said(rows: list[Row], kind: str) -> tuple[int, int]:
+    """Of the default fits that lose more than `BAD` points, how many say so, and how many there are."""
+    bad = [r["default"] for r in rows if r["default"].get(kind, np.inf) > BAD]
+    told = [fit for fit in bad if fit.get("error") or fit["warned"] or fit[f"held, {kind}"][1] >= ENOUGH]
+    return len(told), len(bad)
+
+
 def draw(rows: list[Row], path: Path, memory: float) -> None:
     """Losses as shares of the plants, and how much of the unseen samples the 95 % band holds on each plant."""
     import matplotlib.pyplot as plt
@@ -210,9 +219,11 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
                         lines.append(
                             f"{kind:12s} {structure:20s} {name:9s} {'inside' if inside else 'all':6s} n {len(x):4d}  "
                             f"median {np.median(x):6.2f}  90 % {np.quantile(x, 0.9, method='higher'):7.2f}  above 3 "
-                            f"{100 * np.mean(x > 3):3.0f} %  worst {x.max():7.1f}  {seconds:.2f} s CPU  "
-                            f"bands {shares}, {100 * np.mean(held[:, 1] < 0.85):.0f} %"
+                            f"{100 * np.mean(x > BAD):3.0f} %  worst {x.max():7.1f}  {seconds:.2f} s CPU  "
+                            f"bands {shares}, {100 * np.mean(held[:, 1] < ENOUGH):.0f} %"
                         )
+        told, lost = said(rows, kind)
+        lines.append(f"{kind:12s} said: {told} of {lost}")
     pairs = [pair for r in rows for pair in r["default"].get("named", [])]
     shapes, others = [p for p in pairs if p[0]], [p for p in pairs if not p[0]]
     right, other = (sum(b == a for a, b in shapes), sum(b not in (a, "") for a, b in shapes))

@@ -38,5 +38,7 @@ def _unit(unit: str, data: IOData) -> str:
     if not unit.startswith("Y/U"):
         return unit
     y, u = ("" if each == "1" else each for each in (data.y_unit, data.u_unit))
-    below = [f"({each})" if "/" in each else each for each in (u, unit.removeprefix("Y/U").strip("/")) if each]
-    return "/".join([y or "1", *below]) if y or below else ""
+    time = unit.removeprefix("Y/U")
+    if not (y or u):
+        return f"1{time}" if time else ""
+    return f"{y or '1'}/{f'({u})' if '/' in u else u or 'unit'}{time}"
