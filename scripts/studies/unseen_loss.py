@@ -3,10 +3,10 @@
 Plants of the chain structures with orders 1 to 4 and maps of eleven families, N 200 to 4000, 10 to 60 dB; the model has
 the true orders and the structure's default maps. Each fit runs free on another draw of its own kind of input and on
 another kind, 3000 samples. "inside" are those whose maps meet less than 1 % of signals that the record has not shown;
-the others extrapolate, which no record settles. "bands" are the shares of measured unseen samples that the 50 % and the
-95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %. "said" counts the default
-fits that lose more than 3 points and say so: by a warning, or by a band that still holds 85 %. "named" counts the shapes
-that the default names for maps: right ones of those that the plants have, and wrong ones of all other maps.
+the others extrapolate, which no record settles. "bands" are the shares of measured unseen samples that the 50 % and
+the 95 % band of the free run hold, and of plants on which the 95 % band holds less than 85 %. "said" counts the
+default fits that lose more than 3 points and say so: by a warning, or by a band that still holds 85 %. "named" counts
+the shapes that the default names for maps: right ones of those that the plants have, and wrong ones of all other maps.
 
     python scripts/study.py unseen_loss --seeds 0:25 --figure loss.png    # beside it the worst runs: loss-worst.png
     python scripts/study.py unseen_loss --seeds 0:25 --memory 0.8    # coloured noise
