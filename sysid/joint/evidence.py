@@ -101,7 +101,6 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
     places = _places(chain, theta, data)
     drives, noise = _drives(chain, theta, data, places), float(np.median([noise_level(y) for y in places]))
     every = _response_step(fit)
-    drives, places = ([a[::every] for a in series] for series in (drives, places))
     range_seen = max(float(y.max()) for y in places) - min(float(y.min()) for y in places)
     slack, tests = min(_play_width(chain, theta), END_REACH * range_seen), {}
     volts = None if isinstance(motor_of(chain), ServoMotor) else breakaway_over_place(chain, theta)
@@ -109,7 +108,7 @@ def stop_tests(fit: Fit, data: IOData) -> dict[str, StopTest]:
         if np.isfinite(end):
             known = np.nan if volts is None else way * way_up(chain, theta) * volts(end, int(way))
             known = np.inf if np.isnan(known) else known
-            tests[name] = stop_test(drives, places, every * data.Ts, end, noise, way, slack, known)
+            tests[name] = stop_test(drives, places, data.Ts, end, noise, way, slack, known, every)
         elif travel_of(chain) is not None:
             farthest = way * max(float(np.max(way * y)) for y in places)
             tests[name] = StopTest(False, "no stop explains the record there", (), farthest, np.inf)

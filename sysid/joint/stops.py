@@ -78,6 +78,7 @@ def stop_test(
     outward: float = 1.0,
     slack: float = 0.0,
     breakaway: float = np.inf,
+    every: int = 1,
 ) -> StopTest:
     """Whether the record u, y (N,) shows a stop at the place `end` [y]; several experiments are lists of arrays.
 
@@ -85,7 +86,8 @@ def stop_test(
     move it on by the trend of its speeds over voltage and place, and is never seen beyond. A rest by friction lacks the
     voltage, a turn lacks the rest, and a spring or a growing load lacks speed. outward: 1 for an upper, -1 for a lower
     end; noise [y]: its standard deviation, see `noise_level`; slack [y]: a backlash, by which rests at one end may
-    differ; breakaway [V]: outward voltage that would move the joint there, where a model tells it.
+    differ; breakaway [V]: outward voltage that would move the joint there, where a model tells it; every: samples in
+    which lag and delay pass: motion under a voltage is looked at in such steps, and rests that much later.
     """
     inputs, ys = ([np.ravel(a) for a in (x if isinstance(x, list | tuple) else [x])] for x in (u, y))
     way = outward * drive_sign(np.concatenate(inputs), np.concatenate(ys))
@@ -95,18 +97,19 @@ def stop_test(
     margin = SURE_DEVIATIONS * noise + _SAME_PLACE * (high - low) + slack
     farthest = float(max(_medians(a).max() for a in places))
     between_ends = (low + max(3.0 * margin, 0.05 * (high - low)), end - max(3.0 * margin, 0.05 * (high - low)))
-    window = speed_window(noise, np.concatenate([np.abs(np.diff(a)) for a in places]))
+    steps = [a[::every] for a in places]
+    window = speed_window(noise, np.concatenate([np.abs(np.diff(a)) for a in steps]))
     least = SURE_DEVIATIONS * noise * np.sqrt(2.0 / window) / window
-    motions = [_motion_between(p, a, between_ends, window, least) for p, a in zip(pushes, places, strict=True)]
+    motions = [_motion_between(p[::every], a, between_ends, window, least) for p, a in zip(pushes, steps, strict=True)]
     voltages, speed, place = (np.concatenate([part[k] for part in motions]) for k in range(3))
     moving = speed > least
     moves = _moving_voltage(voltages, moving)
     if np.isfinite(moves):  # a sweep shows it late: the joint crosses its backlash, and answers after its delay
         moves = min(moves, (1.0 + _VOLTAGE_MARGIN) * max(breakaway, 0.0))
-    free = _FreeMotion(voltages[moving], speed[moving], place[moving])
+    free = _FreeMotion(voltages[moving], speed[moving] / every, place[moving])
     visits: list[Visit] = []
     for p, a in zip(pushes, places, strict=True):
-        visits += _visits(p, a, end - margin, moves, free, noise, np.isfinite(breakaway))
+        visits += _visits(p, a, end - margin, moves, free, noise, np.isfinite(breakaway), max(_SETTLING_SAMPLES, every))
     rests = max((v.reading for v in visits), default=farthest)
     beyond = (
         farthest - end > margin or farthest - rests > _REST_TOLERANCE * noise + 0.5 * _SAME_PLACE * (high - low) + slack
@@ -211,9 +214,19 @@ def _moving_voltage(held: np.ndarray, moving: np.ndarray) -> float:
 
 
 def _visits(
-    push: np.ndarray, place: np.ndarray, near: float, moves: float, free: _FreeMotion, noise: float, load_known: bool
+    push: np.ndarray,
+    place: np.ndarray,
+    near: float,
+    moves: float,
+    free: _FreeMotion,
+    noise: float,
+    load_known: bool,
+    settling: int,
 ) -> list[Visit]:
-    """Rests above the place `near` under a voltage that moves the joint elsewhere; `moves` allows for a known load."""
+    """Rests above the place `near` under a voltage that moves the joint elsewhere; `moves` allows for a known load.
+
+    A rest begins `settling` samples after the joint has come and the voltage too.
+    """
     visits: list[Visit] = []
     if not np.isfinite(moves):
         return visits
@@ -221,7 +234,7 @@ def _visits(
     is_pushed = np.concatenate([[False], (place >= near) & (push >= least), [False]])
     edges = np.flatnonzero(np.diff(is_pushed.astype(int)))
     for first, last in zip(edges[::2], edges[1::2], strict=True):
-        rest = place[first + _SETTLING_SAMPLES : last]
+        rest = place[first + settling : last]
         if len(rest) < REST_SAMPLES:
             continue
         half = len(rest) // 2

@@ -75,6 +75,29 @@ def test_a_spring_holds_the_joint_against_the_voltage_that_moves_it_elsewhere_an
     assert stop_test(u, moved(u, -0.6, 0.6, spring=8.0), TS, 0.6, NOISE).met
 
 
+def lagged(u, lag, stop):
+    """Place of a motor with a lag [samples] between two stops, and noise."""
+    y, x, v = np.zeros(len(u)), 0.0, 0.0
+    for t, volts in enumerate(u):
+        y[t] = x
+        v += (0.005 * volts - v) / lag
+        moved_to = float(np.clip(x + v, -stop, stop))
+        v, x = (0.0 if moved_to != x + v else v), moved_to
+    return y + NOISE * np.random.default_rng(1).standard_normal(len(u))
+
+
+@pytest.mark.parametrize("rest", [15, 30])
+def test_short_rests_of_a_record_with_a_fast_clock_show_a_stop_and_turns_do_not(rest):
+    """They last for some two and three times the lag: in steps of the lag too few readings of them are left."""
+    way, lag = 0.8, 9
+    u = np.tile(np.repeat([10.0, -10.0], 45 + rest), 4)  # 45 samples from stop to stop
+    found = stop_test(u, lagged(u, lag, way), 0.01, way, NOISE, every=lag)
+    assert found.met
+    assert found.arrivals == 4
+    y = lagged(u, lag, np.inf)
+    assert not stop_test(u, y, 0.01, float(y.max()), NOISE, every=lag).met
+
+
 @pytest.mark.parametrize("spring", [2.0, 4.0, 8.0])
 @pytest.mark.parametrize("period", [3.0, 6.0, 10.0])
 def test_the_turns_of_a_slow_swing_against_a_spring_are_no_stops(spring, period):
