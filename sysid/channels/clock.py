@@ -66,9 +66,16 @@ def unit_of_clock(column: Column) -> ClockUnit:
     reading = _unit_by_name(column, remedy)
     if reading is None:
         return _unit_by_size(column)
-    if reading.unit is not None and (contradiction := _other_unit_since_1970(column, reading.unit)):
-        return ClockUnit(None, f"{contradiction}; {remedy}")
-    return reading
+    other = "" if reading.unit is None else _other_unit_since_1970(column, reading.unit)
+    if not other:
+        return reading
+    if column.header.base.lower() == "ts":  # short for time stamp too
+        return ClockUnit(other, "its stamps count from 1970")
+    return ClockUnit(
+        None,
+        f"column {column.name!r} names {reading.unit}, and its stamps near {float(column.finite.max()):.6g} count from "
+        f"1970 in {other}; {how_to_say_unit(column.name, other)}",
+    )
 
 
 def how_to_say_unit(name: str, unit: str = "s") -> str:
@@ -108,7 +115,7 @@ def _unit_by_name(column: Column, remedy: str) -> ClockUnit | None:
 
 
 def _other_unit_since_1970(column: Column, unit: str) -> str:
-    """A sentence if stamps are beyond doubt another unit since 1970 than the named one; else nothing.
+    """The unit in which stamps count from 1970 beyond doubt, if it is another one than the named `unit`; else nothing.
 
     In the named unit they are later than 2096, or step faster than an actuator's log and do not count from 1970.
     """
@@ -120,7 +127,7 @@ def _other_unit_since_1970(column: Column, unit: str) -> str:
         counts = low * size >= SINCE_1970[0] and high * size <= SINCE_1970[1] and step * size <= STEPS[1]
         fine = step * factor < STEPS[0] <= step * size and (size < 1.0 or not column.integer)
         if counts and (fine or high * factor > SINCE_1970[1]):
-            return f"column {column.name!r} names {unit}, and its stamps near {high:.6g} count from 1970 in {other}"
+            return other
     return ""
 
 

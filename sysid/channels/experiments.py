@@ -119,12 +119,12 @@ def doubt_of_starts(table: Table, column: str, starts: np.ndarray, Ts: float | N
     if not period:
         return ""
     dated = column in table.dates or column in table.timed
-    way = f"period = {period:g}" if Ts is None else f'column = "" and Ts = {Ts:.10g}'
+    way = f"period = {period:.10g}" if Ts is None else f'column = "" and Ts = {Ts:.10g}'
     counter = "" if dated else f"{way} under [clock] for a counter, or "
     return (
-        f"the clock starts again at {rows_text(table, column, starts.tolist())}, each time after {period:g}: a counter "
-        f'that wraps, or another experiment; in a mapping, set {counter}experiment = "{brief(column)}" under [range] '
-        "for experiments"
+        f"the clock starts again at {rows_text(table, column, starts.tolist())}, each time after {period:.10g}: a "
+        f"counter that wraps, or another experiment; in a mapping, set {counter}experiment = "
+        f'"{brief(column)}" under [range] for experiments'
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.table import Texts
 from sysid.formats._cells import Layout, Part, blocks, drop_cut_line, numbers, part
+from sysid.formats._long_table import may_be_long
 
 if TYPE_CHECKING:
     import polars
@@ -150,9 +151,11 @@ class Body:
 
     def _drop_names(self, texts: list[Texts]) -> None:
         """Leaves out rows that hold the names again, which a logger writes as it starts, where a clock tells what they
-        part: a column that rises in all rows, or falls at each of them and nowhere else.
+        part, a column that rises in all rows, or falls at each of them and nowhere else; and those of a long table,
+        which has one for each block of series.
         """
-        again = np.logical_and.reduce([text.equal(name) for text, name in zip(texts, self.names, strict=True)])
+        named = ["" if name == str(j) else name for j, name in enumerate(self.names, 1)]  # a column without a name
+        again = np.logical_and.reduce([text.equal(name) for text, name in zip(texts, named, strict=True)])
         kept = np.flatnonzero(~again)
         if not again.any() or not len(kept):
             return
@@ -161,7 +164,7 @@ class Body:
         values = [text.numbers(self.decimal) for text in columns]
         starts = places[(places > 0) & (places < len(kept))].tolist()
         clocks = [x for x in values if (np.flatnonzero(np.diff(x) <= 0) + 1).tolist() in ([], starts)]
-        if not any(np.isfinite(x).all() for x in clocks):
+        if not (may_be_long(self.names) or any(np.isfinite(x).all() for x in clocks)):
             return
         self.columns = [text if np.isnan(x).any() else x for text, x in zip(columns, values, strict=True)]
         shown = ", ".join(str(self.rows[int(k)]) for k in np.flatnonzero(again)[:6])

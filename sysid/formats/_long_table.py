@@ -12,7 +12,12 @@ from sysid.formats._stack import EXPERIMENT_WORDS, RUN_WORDS
 from sysid.formats._unit_names import units_of
 
 KEYS = {"key", "name", "topic", "signal", "channel", "variable", "field", "_field", "sensor", "series", "metric", "tag"}
-KEYS |= {"entity", "point", "item"}  # entity_id of Home Assistant, whose history has entity_id, state, last_changed
+KEYS |= {
+    "entity",
+    "point",
+    "item",
+    "id",
+}  # entity_id of Home Assistant, whose history has entity_id, state, last_changed
 _OF_KEY = re.compile("[ _.-]*(?:name|id)$")  # TagName, sensor_id
 VALUES = {"value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
 UNITS = {"unit", "units", "einheit"}
@@ -24,24 +29,36 @@ LARGEST = 1 << 28  # cells of the table that is made
 def pivoted(table: Table) -> Table:
     """The table with a column for each name of a long one, in the order of time; others as they are.
 
-    Rows of one time become one. Raises InputError where the table would be too large.
+    Columns are called as data bases call them, or there is one of words and one of numbers beside times that come
+    again, so that no other table would have an input and an output. Rows of one time become one. Raises InputError
+    where the table would be too large.
     """
+    if len({len(cells) for cells in table.columns}) != 1 or not len(table.columns[0]):
+        return table
     columns = {name.strip().lower(): j for j, name in enumerate(table.names)}
     keys, values, units = _columns(columns, KEYS), _value_column(columns), _column(columns, UNITS)
     keys = [j for j in keys if table.names[j].strip().lower() in KEYS or not _is_numeric(table.columns[j])]
-    if not keys or values is None or len({len(cells) for cells in table.columns}) != 1:
+    words = [j for j in range(len(table.names)) if j != units and _tells(table.columns[j])]
+    moving = [j for j in range(len(table.names)) if _moves(table, j) and table.names[j] not in table.dates]
+    signals = [j for j in moving if _turns(_floats(table, j))]  # the others are times, or numbers of series
+    by_name = bool(keys) and values is not None
+    keys = keys or (words if len(words) == 1 else [])
+    values = signals[0] if values is None and len(signals) == 1 else values
+    if not keys or values is None or values in keys:
         return table
-    names = _names(table, keys)
-    distinct = list(dict.fromkeys(names))
     others = [j for j in range(len(table.names)) if j not in (*keys, values, units)]
     runs = [j for j in others if set(re.split("[^a-z]+", table.names[j].lower())) & (EXPERIMENT_WORDS | RUN_WORDS)][:1]
-    times = [
-        j for j in others if j not in runs and _is_numeric(table.columns[j]) and np.any(np.diff(_floats(table, j)) != 0)
-    ]
+    times = [j for j in others if j not in runs and _moves(table, j)]
     dated = [j for j in times if table.names[j] in table.dates]  # beside numbers of series and of quality
-    times = dated or [j for j in times if _turns(_floats(table, j)) < len(distinct)]
+    names = _names(table, keys)
+    if dated and not runs and len({*zip(names, _floats(table, dated[0]), strict=True)}) < len(names):
+        names = _names(table, [*keys, *(j for j in words if j in others)])  # of several machines
+    distinct = list(dict.fromkeys(names))
+    times = dated or [j for j in times if len(times) == 1 or _turns(_floats(table, j)) < len(distinct)]
     if not 2 <= len(distinct) <= min(MOST, len(names) / REPEATED) or len(times) != 1 or "" in distinct:
         return table
+    if not by_name and len(np.unique(_floats(table, times[0]))) == len(names):
+        return table  # words that say in each row what an output was beside, such as on and off
     group = np.unique(names, return_inverse=True)[1]
     group = np.array([distinct.index(name) for name in np.unique(names)])[group]
     order, row = _rows_of_runs(table, runs, _floats(table, times[0]), group)
@@ -81,6 +98,16 @@ def may_be_long(names: Sequence[str]) -> bool:
     """Whether the names of columns are those of a long table."""
     columns = {name.strip().lower(): j for j, name in enumerate(names)}
     return bool(_columns(columns, KEYS)) and _value_column(columns) is not None
+
+
+def _tells(cells: Sequence[str] | np.ndarray) -> bool:
+    """Whether the cells of a column are a few words, each in many rows."""
+    return not _is_numeric(cells) and 2 <= len(set(cells)) <= min(MOST, len(cells) / REPEATED)
+
+
+def _moves(table: Table, j: int) -> bool:
+    """Whether a column of numbers changes."""
+    return _is_numeric(table.columns[j]) and bool(np.any(np.diff(_floats(table, j)) != 0))
 
 
 def _names(table: Table, keys: Sequence[int]) -> list[str]:

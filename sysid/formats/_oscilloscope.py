@@ -75,7 +75,7 @@ class Preamble:
             columns=tuple(columns),
             rows=tuple(rows),
             units={name: unit for name, unit in self.units.items() if name in names},
-            notes=(*table.notes, f"read as the export of an oscilloscope: {self.text}"),
+            notes=(*table.notes, f"read as an instrument exports it: {self.text}"),
         )
 
 
@@ -183,8 +183,10 @@ def _above(rows: list[list[str]]) -> Preamble | None:
     cells = rows[names_row] if names_row is not None else ["time", *(f"CH{k}" for k in range(1, width))]
     names = ("time", *cells[1:])
     units = {"time": "s"}
-    if unit_rows:
-        units |= {name: UNITS[cell.lower()] for name, cell in zip(names, rows[unit_rows[0]], strict=True)}
+    written = [k for k in heads if names_row is not None and k > names_row and any(rows[k])]  # of data loggers
+    if written or unit_rows:
+        row = rows[(unit_rows or written)[0]]
+        units |= {name: _unit(cell) for name, cell in zip(names, row, strict=True) if cell}
     else:
         stated = {row[0].lower().rstrip(":"): row[1:] for row in settings}
         units["time"] = _unit(stated.get("horizontal units", ["s"])[0])

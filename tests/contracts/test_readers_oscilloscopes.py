@@ -70,7 +70,7 @@ def test_the_plant_comes_back(name, tmp_path):
     assert (record.data.N, round(record.data.Ts, 9)) == (600, TS)
     found = pole_and_gain(record.data.u[:, 0], record.data.y[:, 0])
     assert found == pytest.approx((np.exp(-TS / TAU), GAIN), abs=1e-6)
-    assert any("read as the export of an oscilloscope" in note for note in record.notes)
+    assert any("read as an instrument exports it" in note for note in record.notes)
 
 
 def test_settings_may_stand_beside_the_numbers(tmp_path):

@@ -47,6 +47,8 @@ INFLUX = [  # annotated CSV of InfluxDB: a block for each series, which column "
     for k, (name, values) in enumerate((("valve", U), ("temp", Y)))
     for i, x in enumerate(values)
 ]
+HEAD = ",result,table,_field,_measurement,_time,_value"
+DATED = [f"2026-03-14 09:00:{2 * k:02d}" for k in range(len(T))]
 ANNOTATED = "#group,false,false,true,true,false,false\n#datatype,string,long,string,string,dateTime:RFC3339,double\n"
 MESSAGES = [  # MQTT, logged as JSON lines
     {"t": t, "topic": f"rig/{key}", "payload": {key: x}} for t, u, y in VALUES for key, x in (("u", u), ("y", y))
@@ -102,10 +104,35 @@ LOGS: dict[str, Log] = {
         lines("TagName;Timestamp_s;Value;Quality", TAGS), input="FIC1.OP", output="FIC1.PV", time="Timestamp_s"
     ),
     "annotated series of InfluxDB": log(
-        ANNOTATED + lines(",result,table,_field,_measurement,_time,_value", INFLUX),
+        ANNOTATED + lines(HEAD, INFLUX),
         Right(Ts=2.0),
         input="valve",
         output="temp",
+    ),
+    "series of InfluxDB of two types, with a header each": log(
+        ANNOTATED + lines(HEAD, INFLUX[:12]) + "\n" + ANNOTATED + lines(HEAD, INFLUX[12:]),
+        Right(Ts=2.0),
+        input="valve",
+        output="temp",
+    ),
+    "series of InfluxDB of two machines": log(
+        ANNOTATED + lines(HEAD + ",host", [f"{row},{k}" for row in INFLUX for k in ("A", "B")]),
+        Right(Ts=2.0),
+        input="valve.A",
+        output="temp.A",
+    ),
+    "a table of names and values called otherwise": log(
+        lines(
+            "VarName,TimeString,VarValue,Validity",
+            [f"{row.split(',')[1]},{DATED[k // 2]},{row.split(',')[2]},1" for k, row in enumerate(LONG)],
+        ),
+        Right(Ts=2.0),
+    ),
+    "a switch in words beside one signal": log(
+        lines("t,heater,y", [f"{t:.1f},{'ON' if u > 0 else 'OFF'},{y:g}" for t, u, y in VALUES]),
+        Right(u=tuple(float(u > 0) for u in U)),
+        input="heater",
+        output="y",
     ),
     "messages in JSON lines, a key for each topic": log(lines("", [json.dumps(m) for m in MESSAGES]), file="a.jsonl"),
     "messages in JSON lines, one key for all topics": log(
