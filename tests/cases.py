@@ -122,9 +122,9 @@ BLOCKS = {
     ),
     "play": (Play(role="map"), np.array([0.8, 0.2])),
     "polynomial": (Polynomial(degree=3, role="map"), np.array([0.3, -0.2, 1.1, 0.4])),
-    "process": (  # K, T1, T2, Td, x1, x2, u0
+    "process": (  # K, T1, T2, Td, x1, x2
         Process(lags=2, Ts=0.5, role="map"),
-        np.array([1.3, 1.6, 0.7, 0.83, 0.4, -0.2, 0.3]),
+        np.array([1.3, 1.6, 0.7, 0.83, 0.4, -0.2]),
     ),
     "profiled_motor": (  # inertia, drag_up, drag_down, rise (3), fall (3), x0, v0
         ProfiledMotor(knots=3, low=-1.0, high=2.0, role="map"),
@@ -225,7 +225,7 @@ MOVING = {
         np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 6.0, 1.37, 0.05, 1.1, 0.4, 0.1]),
     ),
     "process_alike": (  # K, T1, T2, T3, Td, x1, x2, x3, u0: time constants that are nearly one
-        Process(lags=3, role="map"),
+        Process(lags=3, history=1, role="map"),
         np.array([1.3, 1.6, 1.63, 1.58, 1.37, 0.4, -0.2, 0.1, 0.3]),
     ),
     "process_integrates": (  # K, wn, zeta, Tz, x1, x2, x4
@@ -233,7 +233,7 @@ MOVING = {
         np.array([0.3, 0.9, 0.4, -0.6, 0.4, 0.1, -0.3]),
     ),
     "process_pair": (  # K, wn, zeta, Td, x1, x2, u0: a pair that is nearly critical
-        Process(lags=0, pair=True, Ts=0.5, role="map"),
+        Process(lags=0, pair=True, history=1, Ts=0.5, role="map"),
         np.array([1.3, 0.9, 1.0, 0.2, 0.4, 0.1, 0.3]),
     ),
     "servo_pd_loaded": (  # kp, kd, dead, limit, sag, gain, lag, rise, fall, stick, stick_speed, load0-1, delay, x0, v0

@@ -1,11 +1,12 @@
 """Drawn processes, fitted from nothing but their kind: how often are all values right, and how often do intervals hold?
 
-    python scripts/study.py process_recovery --seeds 0:120 [--start cut]
+    python scripts/study.py process_recovery --seeds 0:120 [--start cut|step]
 
 Time constants of 2 to 100 samples, damping ratios of 0.1 to 0.9, delays of 0 to 20 samples that are no whole number,
 gains of both signs, noise 20 to 60 dB below the output, steps or a pseudo-random binary input. Outputs are sums of step
 responses in closed form, which share no code with the block. `rest`: the record begins at rest; `cut`: it is the end of
-a longer one, so that the input before it, which a delay lets through, is not known.
+a longer one, so that the input before it, which a delay lets through, is not known; `step`: one step behind a rest of 5
+to 60 samples, and nothing else.
 """
 
 import argparse
@@ -35,7 +36,7 @@ def step_response(kind: str, m: dict[str, float], t: np.ndarray) -> np.ndarray:
     return 1.0 - np.exp(-decay * t) * (np.cos(w * t) + decay / w * np.sin(w * t))
 
 
-def draw(kind: str, rng: np.random.Generator, cut: bool) -> tuple[IOData, dict[str, float], float]:
+def draw(kind: str, rng: np.random.Generator, start: str) -> tuple[IOData, dict[str, float], float]:
     """A record, the true values, and the mean square of its noise."""
     Ts = float(10 ** rng.uniform(-3.0, 1.0))
     slow = float(np.exp(rng.uniform(np.log(2.0), np.log(100.0))))
@@ -48,7 +49,7 @@ def draw(kind: str, rng: np.random.Generator, cut: bool) -> tuple[IOData, dict[s
         truth["T2"] = truth["T1"] * float(rng.uniform(0.2, 0.8))
     truth["Td"] = float(rng.uniform(0.0, 20.0)) * Ts
     N = int(np.clip(rng.uniform(10.0, 20.0) * slow, 400, 2000))
-    before = _BEFORE if cut else 0
+    before = _BEFORE if start == "cut" else 0
     if rng.uniform() < 0.5:
         hold = int(rng.integers(2, 1 + int(2.0 * slow)))
         u = np.repeat(rng.choice([-1.0, 1.0], (N + before) // hold + 1), hold)
@@ -56,6 +57,8 @@ def draw(kind: str, rng: np.random.Generator, cut: bool) -> tuple[IOData, dict[s
         hold = int(np.clip(2.0 * slow, 20, N // 6))
         u = np.repeat(rng.normal(size=(N + before) // hold + 1), hold)
     u = u[: N + before] * 10 ** rng.uniform(-1.0, 1.0)
+    if start == "step":
+        u = np.where(np.arange(N) < rng.integers(5, 61), 0.0, u[0])
     jumps, t = np.diff(u, prepend=0.0), np.arange(len(u)) * Ts
     y = np.zeros(len(u))
     for k in np.flatnonzero(jumps):
@@ -73,7 +76,7 @@ def cases(options: argparse.Namespace) -> list[tuple[str, str, int]]:
 def score(case: tuple[str, str, int], options: argparse.Namespace) -> dict[str, Any]:
     """By value: its error in half intervals. And the loss by that of the truth."""
     start, kind, seed = case
-    data, truth, noise = draw(kind, np.random.default_rng([seed, 39]), start == "cut")
+    data, truth, noise = draw(kind, np.random.default_rng([seed, 39]), start)
     fit = sysid.fit(sysid.structures.process(kind, offset="free"), data)
     found = dict(zip([s.name for s in fit.model.slots if s.words], named_values(fit, data), strict=True))
     if kind == "P2D" and found["T1"].value < found["T2"].value:
@@ -114,6 +117,6 @@ STUDY = Study(
     score,
     summary,
     seeds="0:120",
-    options={"--start": {"choices": ("rest", "cut"), "default": "rest", "help": "how the record begins"}},
+    options={"--start": {"choices": ("rest", "cut", "step"), "default": "rest", "help": "how the record begins"}},
     line=lambda row: f"{row['case']}: loss {row['loss']:.3f}, errors {row['errors']}",
 )

@@ -26,7 +26,12 @@ class Quantity:
 
 
 def display_quantity(name: str, unit: str) -> Quantity:
-    """How a quantity is shown: radians as degrees, also per second or per volt; nothing for a plain number."""
+    """How a quantity is shown: radians as degrees, also per second or per volt; nothing for a plain number.
+
+    A natural frequency stays in rad/s, as options and formulas have it.
+    """
+    if name == "natural frequency":
+        return Quantity(name, unit)
     if unit == "rad" or unit.startswith("rad/"):
         return Quantity(name, "deg" + unit.removeprefix("rad"), 180.0 / math.pi)
     return Quantity(name, "" if unit == "1" else unit)

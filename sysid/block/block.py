@@ -112,8 +112,8 @@ class Block(ABC):
         """This block for samples of Ts [s]; itself if its times count in samples."""
         return self
 
-    def recalling(self, theta: np.ndarray) -> "Block | None":
-        """This block with every input before a record that it still sees at its beginning as a parameter u0, u1, ...
+    def recalling(self, theta: np.ndarray, every: bool) -> "Block | None":
+        """This block with the input before a record, or `every` one that it still sees, as a parameter u0, u1, ...
 
         None of a block that sees none beyond those that it has.
         """

@@ -188,15 +188,17 @@ def spline(pieces, lo, hi, v, x, y, slope, J, q, own, ends):
 def held_states(F, g, c, dF, dg, dc, lag, u0, before, w, dw, x, S, y, J, q):
     """y (N,) = c x with the states x (n,): F x + g (n, 2) times the inputs w (N,) of lag + 2 and lag + 1 samples ago.
 
-    Before the record they are u0 (h,), the latest first, and the last of these for ever. The tangent J (N, P) has dw
-    (N, q), that of w, in its first q columns, then those of p own parameters from dF (p, n, n), dg (p, n, 2), dc (p, n)
-    and the states' tangent S (n, q + p); those of u0 begin at number `before`, -1 for none. x and S are changed.
+    Before the record they are u0 (h,), the latest first, and the last of these for ever; the first of w if h is 0. The
+    tangent J (N, P) has dw (N, q), that of w, in its first q columns, then those of p own parameters from dF (p, n, n),
+    dg (p, n, 2), dc (p, n) and the states' tangent S (n, q + p); those of u0 begin at `before`. x and S are changed.
     """
     n, p, own = F.shape[0], dF.shape[0], S.shape[1]
-    new, T = np.empty(n), np.empty((n, own))
+    new, T, known = np.empty(n), np.empty((n, own)), u0.shape[0] == 0
     for t in range(w.shape[0]):
         if t > 0:
             early, late = t - lag - 2, t - lag - 1
+            if known:
+                early, late = max(early, 0), max(late, 0)
             i0, i1 = min(max(-early, 1), u0.shape[0]) - 1, min(max(-late, 1), u0.shape[0]) - 1
             a, b = w[early] if early >= 0 else u0[i0], w[late] if late >= 0 else u0[i1]
             for i in range(n):
@@ -217,9 +219,9 @@ def held_states(F, g, c, dF, dg, dc, lag, u0, before, w, dw, x, S, y, J, q):
                     T[i, q + k] += dg[k, i, 0] * a + dg[k, i, 1] * b
                     for j in range(n):
                         T[i, q + k] += dF[k, i, j] * x[j]
-                if before >= 0 and own and early < 0:
+                if own and early < 0:
                     T[i, q + before + i0] += g[i, 0]
-                if before >= 0 and own and late < 0:
+                if own and late < 0:
                     T[i, q + before + i1] += g[i, 1]
             for i in range(n):
                 x[i] = new[i]

@@ -29,12 +29,14 @@ def begin(s, x, p):
 
 
 def step(s, x, p, block):
-    if s.samples > 0.0:
+    if s.samples == 0.0:
+        s.before = p.u0 if block.history > 0 else x
+    else:
         if block.delayed:  # a sample sees the end of one input and the beginning of the next
             whole = int(floor(p.Td / block.Ts))
             late = p.Td - whole * block.Ts
-            advance(s, p.K * (ago(x, whole + 2) if whole + 2 <= s.samples else p.u0), late, p, block)
-            advance(s, p.K * (ago(x, whole + 1) if whole + 1 <= s.samples else p.u0), block.Ts - late, p, block)
+            advance(s, p.K * (ago(x, whole + 2) if whole + 2 <= s.samples else s.before), late, p, block)
+            advance(s, p.K * (ago(x, whole + 1) if whole + 1 <= s.samples else s.before), block.Ts - late, p, block)
         else:
             advance(s, p.K * ago(x, 1), block.Ts, p, block)
     s.samples += 1.0
@@ -133,9 +135,9 @@ class Process(Recursion):
     `zero` or an `integrator` 1/s. Times are in seconds, of which `Ts` is a sample; a fit takes that of its record.
     The solution is exact, also where the delay is no whole number of samples: a sample then sees the end of one input
     and the beginning of the next. x1 to x4 are the states in which a record begins, outputs of the lags and of the
-    integrator (of a pair the output and its rate). u0, u1, ... are the `history` inputs before the record that a delay
-    lets through, the latest first; the last of them also stands for all before it. Exported files begin at rest, so
-    that the step knows u0 alone.
+    integrator (of a pair the output and its rate). The input before a record is its first one, as of a step from rest.
+    Of a record that is cut out of a run, u0, u1, ... are the `history` inputs before it that a delay lets through, the
+    latest first; the last of them also stands for all before it. The step of exported files knows u0 alone.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -148,7 +150,7 @@ class Process(Recursion):
     zero: bool = False
     integrator: bool = False
     delayed: bool = True
-    history: int = 1
+    history: int = 0
     Ts: float = 1.0
 
     def __post_init__(self) -> None:
@@ -159,8 +161,10 @@ class Process(Recursion):
                 "a process needs a time constant, a pair or an integrator, and two of them beside a zero: its output "
                 "would jump with its input; add one"
             )
-        if self.history < 1:
-            raise InputError(f"history of a process is {self.history}; give at least 1 input before a record")
+        if not 0 <= self.history <= _LONGEST + 3:
+            raise InputError(
+                f"history of a process is {self.history}; give 0 to {_LONGEST + 3:g} inputs before a record"
+            )
         if not 0.0 < self.Ts < np.inf:
             raise InputError(f"Ts of a process is {self.Ts}; give a positive number of seconds")
 
@@ -170,11 +174,11 @@ class Process(Recursion):
         return self.lags + 2 * self.pair + self.integrator
 
     def asked(self) -> Block | None:
-        return replace(self, history=1)
+        return replace(self, history=0)
 
-    def recalling(self, theta: np.ndarray) -> Block | None:
-        """One past input more than the delay holds, since a longer one may fit better then."""
-        held = int(self.by_name(theta).get("Td", 0.0) / self.Ts) + 3
+    def recalling(self, theta: np.ndarray, every: bool) -> Block | None:
+        """Of every one, one more than the delay holds, since a longer delay may fit better then."""
+        held = int(self.by_name(theta).get("Td", 0.0) / self.Ts) + 3 if every else 1
         return replace(self, history=held) if self.delayed and held > self.history else None
 
     def sampled(self, Ts: float) -> Block:
@@ -215,7 +219,7 @@ class Process(Recursion):
 
         m, y, own = self.by_name(theta), np.empty_like(x), self.n_parameters if J.shape[1] else 0
         at_states = [k for k, slot in enumerate(self.slots()) if slot.initial and slot.name not in self._past]
-        past = theta[len(theta) - len(self._past) :] if self._past else np.zeros(1)
+        past = theta[len(theta) - len(self._past) :] if self._past else np.empty(0)
         whole = int(np.clip(np.nan_to_num(m.get("Td", 0.0) / self.Ts), 0.0, len(x)))
         with np.errstate(all="ignore"):  # far from every plant; its cost is then infinite
             (F, *dF), (g, *dg), (c, *dc) = self._matrices({**self.absent, **m}, list(m)[:own], whole)
@@ -223,7 +227,7 @@ class Process(Recursion):
         if own:
             S[np.arange(n), [q + k for k in at_states]] = 1.0
         slopes = np.reshape(dF, (own, n, n)), np.reshape(dg, (own, n, 2)), np.reshape(dc, (own, n))
-        before, dw = len(theta) - len(past) if self._past else -1, np.ascontiguousarray(J[:, :q])
+        before, dw = len(theta) - len(past), np.ascontiguousarray(J[:, :q])
         held_states(F, g, c, *slopes, whole, past, before, x, dw, theta[at_states], S, y, J, q)
         return y
 

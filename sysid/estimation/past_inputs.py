@@ -1,7 +1,7 @@
 """Inputs before a record that a delay lets through: parameters of the record, where its first outputs show them.
 
-A record that begins at rest has one input before it. Of one that is cut out of a run the delay still holds others, and
-a model without them leaves errors at its beginning that no noise explains.
+The input before a record is taken for its first one, as of a step from rest. Of a record that is cut out of a run the
+delay still holds others, and a model without them leaves errors at its beginning that no noise explains.
 """
 
 from dataclasses import replace
@@ -22,21 +22,28 @@ _SHARE = 10  # samples of a record for each of its past inputs
 def past_inputs(
     model: Chain, data: IOData, normal: Normal, result: SearchResult, context: SearchContext
 ) -> tuple[Chain, Normal, SearchResult]:
-    """The model with past inputs, its normal units, and the end of its search; as given where it needs none."""
-    thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
-    changed = [(b, b.recalling(model.part(thetas[0], b))) for b in model.blocks]
-    found = [(b, wider) for b, wider in changed if wider is not None]
-    if not found or model.predicts or not _begins_worse(model, thetas, data, sum(w.n_parameters for _, w in found)):
-        return model, normal, result
-    blocks = tuple(wider or b for b, wider in changed)
-    chain = replace(model, blocks=blocks)
-    places = [_place(model, name) for name in chain.names]
-    return chain, *search_finer(chain, thetas[:, places], data, normal, result, context, None)
+    """The model with past inputs, its normal units, and the end of its search; as given where it needs none.
+
+    First one that stands for all, as where a record begins with a step; then all that a delay holds.
+    """
+    for every in (False, True):
+        thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
+        pairs = [(b, model.part(thetas[0], b)) for b in model.blocks]
+        longest = [b.recalling(theta, every=True) for b, theta in pairs]
+        count = sum(b.n_parameters for b in longest if b is not None)
+        if not count or model.predicts or not _begins_worse(model, thetas, data, count):
+            break
+        chain = replace(model, blocks=tuple(b.recalling(theta, every) or b for b, theta in pairs))
+        points = np.array([_point(model, chain, *each) for each in zip(thetas, data.experiments, strict=True)])
+        model, (normal, result) = chain, search_finer(chain, points, data, normal, result, context, None)
+    return model, normal, result
 
 
-def _place(model: Chain, name: str) -> int:
-    """The place of a parameter in the model as it was: that of u0 for a further past input."""
-    return model.names.index(name if name in model.names else f"{name.rpartition('.')[0]}.u0")
+def _point(model: Chain, wider: Chain, theta: np.ndarray, record: IOData) -> np.ndarray:
+    """theta (P,) of an experiment with the first input that each block meets for those before it."""
+    known, signals = dict(zip(model.names, theta.tolist(), strict=True)), model.signals(theta, record.u)
+    first = {b.role: float(x.flat[0]) for b, x in zip(wider.blocks, signals, strict=False)}
+    return np.array([known.get(name, first[name.partition(".")[0]]) for name in wider.names])
 
 
 def _begins_worse(model: Chain, thetas: np.ndarray, data: IOData, count: int) -> bool:

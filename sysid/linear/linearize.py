@@ -80,7 +80,8 @@ def fraction(fit: Fit, u: float = 0.0, x: float | None = None) -> tuple[np.ndarr
     """
     if any(isinstance(b, StateSpace | Process) for b in fit.model.blocks):
         G = rational(fit.model, fit.theta, u)
-        return np.concatenate([np.zeros(max(len(G.F) - len(G.B), 0)), G.B]), G.F
+        longer = len(G.F) - len(G.B)  # negative with a delay, whose poles are at zero
+        return np.pad(G.B, (max(longer, 0), 0)), np.pad(G.F, (0, max(-longer, 0)))
     op = findop(fit, u, x)
     B, F = fit.model.linear.padded(fit.model.part(fit.theta, fit.model.linear))
     return B * op.input_slope * op.output_slope, F

@@ -1,6 +1,7 @@
 """Process models: outputs against closed forms, values recovered with intervals that hold, and what a report says."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import InputError, IOData
+from sysid.base.quantities import display_quantity
 from sysid.blocks import Process
 from sysid.structures import ProcessModel, process
 from sysid.structures.process import KINDS
@@ -52,15 +54,15 @@ def by_exponentials(block, theta, u):
     for t in range(len(u)):
         for ago, length in ((whole + 2, part), (whole + 1, 1.0 - part)) if t else ():
             E, k = expm(M * length * block.Ts), t - int(ago)
-            x = E[:-1, :-1] @ x + E[:-1, -1] * (u[k] if k >= 0 else m.get("u0", 0.0))
+            x = E[:-1, :-1] @ x + E[:-1, -1] * (u[k] if k >= 0 else m.get("u0", u[0]))
         y.append(C @ x)
     return np.array(y)
 
 
-@pytest.mark.parametrize("Ts", [1.0, 0.02])
+@pytest.mark.parametrize(("Ts", "history"), [(1.0, 0), (0.02, 1)])
 @pytest.mark.parametrize("kind", sorted(KINDS))
-def test_the_output_is_that_of_matrix_exponentials(kind, Ts):
-    block = KINDS[kind].sampled(Ts)
+def test_the_output_is_that_of_matrix_exponentials(kind, Ts, history):
+    block = replace(KINDS[kind].sampled(Ts), history=history)
     u = np.repeat(np.random.default_rng(0).normal(size=10), 6)
     for other in ({}, {"Td": 0.0}, {"T2": 5.0, "T3": 5.0 * (1.0 + 1e-9), "zeta": 1.0}, {"T2": 5.1, "zeta": 3.0}):
         theta = theta_of(block, **other)
@@ -70,7 +72,7 @@ def test_the_output_is_that_of_matrix_exponentials(kind, Ts):
 
 @pytest.mark.parametrize("kind", sorted(KINDS))
 def test_the_sampled_fraction_is_the_same_process_with_exact_gradients(kind):
-    block = KINDS[kind].sampled(0.5)
+    block = replace(KINDS[kind].sampled(0.5), history=1)
     theta = theta_of(block, x1=0.0, x2=0.0, x3=0.0, x4=0.0, u0=0.0)
     u = np.repeat(np.random.default_rng(0).normal(size=10), 6)
     B, F, dB, dF = block.rational(theta)
@@ -95,6 +97,9 @@ def test_poles_and_frequency_response_are_those_of_the_plant():
     exact = 1.5 / (1.0 + 0.4 * jw / 0.4 + (jw / 0.4) ** 2) * np.exp(-1.9 * jw) * held
     np.testing.assert_allclose(response.magnitude.value, np.abs(exact), rtol=0.01)
     np.testing.assert_allclose(response.phase.value, np.degrees(np.unwrap(np.angle(exact))), atol=1.0)
+    np.testing.assert_allclose(sysid.linear.tangent(fit)(np.exp(0.5 * jw)), exact, atol=0.01 * np.abs(exact).max())
+    frequency = next(value for value in named_values(fit, data) if value.name == "natural frequency")
+    assert display_quantity(frequency.name, frequency.unit).unit == "rad/s"
 
 
 def test_a_slow_process_of_three_equal_time_constants_keeps_its_digits():
@@ -162,7 +167,7 @@ def test_a_record_that_is_cut_out_of_a_run_has_the_inputs_that_the_delay_held():
     fit = sysid.fit(process("P1D", offset="free"), cut)
     assert fit.criteria.mse < 1.05 * 0.002**2
     assert fit.model.blocks[0].history == 11
-    assert sysid.fit(process("P1D", offset="free"), whole).model.blocks[0].history == 1
+    assert sysid.fit(process("P1D", offset="free"), whole).model.blocks[0].history == 0
     np.testing.assert_allclose(fit.simulate(cut, cut.N)[:20], cut.y[:20, 0], atol=5 * 0.002)
     for v, true in zip(named_values(fit, cut), truth.values(), strict=True):
         assert abs(v.value - true) < 2.0 * (v.high - v.value)
@@ -237,8 +242,7 @@ def test_past_inputs_are_those_of_a_longer_record():
     u, block = np.random.default_rng(0).normal(size=40), Process(lags=2, history=3)
     theta = np.array([1.3, 1.6, 0.9, 1.37, 0.4, -0.2, *u[9:6:-1]])
     longer = np.concatenate([np.full(200, u[7]), u[8:]])
-    states = {"x1": 0.0, "x2": 0.0}
-    whole = by_exponentials(Process(lags=2), np.array([1.3, 1.6, 0.9, 1.37, *states.values(), u[7]]), longer)
+    whole = by_exponentials(Process(lags=2), np.array([1.3, 1.6, 0.9, 1.37, 0.0, 0.0]), longer)
     rest = np.linalg.lstsq(own(block, theta, u[10:])[:, 4:6], whole[202:] - at(block, theta, u[10:]), rcond=None)[0]
     np.testing.assert_allclose(at(block, theta, u[10:], rest), whole[202:], atol=1e-9)
     J = own(block, theta, u[10:])
@@ -258,3 +262,23 @@ def own(block, theta, u):
 def at(block, theta, u, more=(0.0, 0.0)):
     """The output with other initial states of two lags."""
     return block.output(theta + np.array([0.0] * 4 + [*more] + [0.0] * 3), u)
+
+
+def test_a_saved_process_with_a_past_longer_than_any_delay_is_refused():
+    with pytest.raises(sysid.InputError, match="history of a process is 1000000000; give 0 to 1003"):
+        Process(history=10**9)
+
+
+@pytest.mark.parametrize("rest", [5, 30, 60])
+@pytest.mark.parametrize("Td", [0.0, 5.0, 12.5])
+def test_a_step_from_rest_gives_the_process(Td, rest):
+    """An input before the record that is free takes the place of the step, whose own effect comes behind the record."""
+    k = np.arange(400.0)
+    for seed in range(3):
+        lag = np.maximum(k - rest - Td, 0.0)
+        y = 2.0 * (1.0 - np.exp(-lag / 20.0)) + 0.02 * np.random.default_rng([seed, rest]).normal(size=400)
+        fit = sysid.fit(process("P1D", offset="free"), IOData(np.where(k >= rest, 1.0, 0.0), y, 1.0))
+        values = dict(zip(fit.model.names, fit.theta, strict=True))
+        assert values["plant.K"] == pytest.approx(2.0, abs=0.03 + 0.6 / rest)  # few samples show the level before
+        assert values["plant.T1"] == pytest.approx(20.0, abs=1.5)
+        assert values["plant.Td"] == pytest.approx(Td, abs=1.0)

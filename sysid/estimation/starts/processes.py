@@ -7,7 +7,7 @@ of delay moves a response, so that one response of each set of poles serves all 
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, zip_longest
 
 import numpy as np
 
@@ -27,15 +27,22 @@ _EMPTY = 1e-10
 
 @dataclass(frozen=True)
 class _Place:
-    """Poles by the names of their parameters, and a delay, both in seconds, and the squares that they leave."""
+    """Poles by the names of their parameters, and a delay, both in seconds, and the squares that they leave.
+
+    `steady` where the record begins at rest: the transient of free initial states may look like the answer to a step.
+    """
 
     values: dict[str, float]
     Td: float
     left: float
+    steady: bool
 
 
 class Processes(Start):
-    """A process, beside offsets alone: the best places of the grid that lie apart, then variations of the best."""
+    """A process, beside offsets alone: the best places of the grid that lie apart, then variations of the best.
+
+    Places with free initial states and at rest take turns.
+    """
 
     blocks = (Process,)
 
@@ -47,12 +54,14 @@ class Processes(Start):
         block = next(b for b in chain.blocks if isinstance(b, Process))
         u, y = np.ascontiguousarray(record.u[:, 0]), np.ascontiguousarray(record.y[:, 0])
         held = {name.rpartition(".")[2]: value for name, value in chain.fixed.items()}
-        found: list[_Place] = []
+        found: dict[bool, list[_Place]] = {False: [], True: []}
         for part_u, part_y, ratio in _parts(u, y, record.observed[:, 0]):
-            found += _places(replace(block, Ts=block.Ts * ratio), part_u, part_y, held)
-        if not found:
+            for steady, places in found.items():
+                places += _places(replace(block, Ts=block.Ts * ratio), part_u, part_y, held, steady)
+        if not found[False]:
             raise InputError("no time constant of the grid suits this record; give fit() a start")
-        places = _apart(sorted(found, key=lambda place: place.left), count)
+        best = [_apart(sorted(places, key=lambda place: place.left), count) for places in found.values()]
+        places = [place for pair in zip_longest(*best) for place in pair if place is not None][:count]
         points = [_point(chain, block, place, u, y) for place in places]
         for rng in generators(count, seed)[len(points) - 1 :]:
             varied = points[0].copy()
@@ -71,7 +80,7 @@ def _parts(u: np.ndarray, y: np.ndarray, observed: np.ndarray) -> Iterator[tuple
         yield u[:n].reshape(-1, thin).mean(axis=1), y[:n:thin], thin
 
 
-def _places(block: Process, u: np.ndarray, y: np.ndarray, held: dict[str, float]) -> list[_Place]:
+def _places(block: Process, u: np.ndarray, y: np.ndarray, held: dict[str, float], steady: bool) -> list[_Place]:
     """The best delay of every set of poles, with the share of the variance of y (N,) that it leaves."""
     found = []
     spread = float(np.sum((y - y.mean()) ** 2)) or 1.0
@@ -79,10 +88,10 @@ def _places(block: Process, u: np.ndarray, y: np.ndarray, held: dict[str, float]
         return []
     for values in _poles(block, len(y)):
         values = {name: held.get(name, value) for name, value in values.items()}
-        response, rest = _responses(block, values, u)
+        response, rest = _responses(block, values, u, steady)
         Q = np.linalg.qr(rest)[0]
         target = y - Q @ (Q.T @ y)
-        best = _Place(values, 0.0, np.inf)
+        best = _Place(values, 0.0, np.inf, steady)
         for samples in _delays(block, len(y), held):
             moved = np.column_stack([delay(column, samples) for column in response.T])
             moved -= Q @ (Q.T @ moved)
@@ -91,7 +100,7 @@ def _places(block: Process, u: np.ndarray, y: np.ndarray, held: dict[str, float]
             e = target - moved @ np.linalg.lstsq(moved, target, rcond=_EMPTY)[0]
             left = float(e @ e) / spread
             if left < best.left:
-                best = _Place(values, held.get("Td", samples * block.Ts), left)
+                best = _Place(values, held.get("Td", samples * block.Ts), left, steady)
         found.append(best)
     return found
 
@@ -118,10 +127,11 @@ def _delays(block: Process, N: int, held: dict[str, float]) -> list[int]:
     return np.unique(np.geomspace(1.0, max(min(N // 4, 1000), 2), 60).astype(int) - 1).tolist()
 
 
-def _responses(block: Process, values: dict[str, float], u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _responses(block: Process, values: dict[str, float], u: np.ndarray, steady: bool) -> tuple[np.ndarray, np.ndarray]:
     """What a delay moves (N, 2 or 4): responses to u (N,) less its first value and to a step, then the parts of a zero.
 
-    And what it does not (N, k): the decay of each initial state, and the offset.
+    And what it does not (N, k): the decay of each initial state, and the offset. Of a `steady` beginning the response
+    to u (N, 1 or 2) and the offset alone.
     """
     plain = replace(block, zero=False, delayed=False)
     names = [slot.name for slot in plain.slots()]
@@ -134,6 +144,8 @@ def _responses(block: Process, values: dict[str, float], u: np.ndarray) -> tuple
         moved += [with_zero.output(theta_zero, x) - y for x, y in zip((u - u[0], np.ones(len(u))), moved, strict=True)]
     states = J[:, [k for k, slot in enumerate(plain.slots()) if slot.initial]]
     offset = np.arange(len(u)) / len(u) if block.integrator else np.ones(len(u))
+    if steady:
+        return np.column_stack(moved[::2]), offset[:, None]
     return np.column_stack(moved), np.column_stack([states, offset])
 
 
@@ -159,12 +171,12 @@ def _point(chain: Chain, block: Process, place: _Place, u: np.ndarray, y: np.nda
     theta, at = np.zeros(len(chain.names)), chain.index(block)
     names = [slot.name for slot in block.slots()]
     theta[at] = [{"K": 1.0, "Td": place.Td, **place.values}.get(name, 0.0) for name in names]
-    response, rest = _responses(block, place.values, u)
+    response, rest = _responses(block, place.values, u, place.steady)
     samples = round(place.Td / block.Ts)
     moved = np.column_stack([delay(column, min(samples, len(u) - 1)) for column in response.T])
     solution = np.linalg.lstsq(np.column_stack([moved, rest]), y, rcond=_EMPTY)[0]
     gain = float(solution[0])
-    values = {"K": gain, "Tz": float(solution[2]) / gain if block.zero and gain else 0.0}
+    values = {"K": gain, "Tz": float(solution[1 if place.steady else 2]) / gain if block.zero and gain else 0.0}
     for name, value in values.items():
         if name in names:
             theta[at.start + names.index(name)] = value
