@@ -24,18 +24,23 @@ def past_inputs(
 ) -> tuple[Chain, Normal, SearchResult]:
     """The model with past inputs, its normal units, and the end of its search; as given where it needs none.
 
-    First one that stands for all, as where a record begins with a step; then all that a delay holds.
+    First one that stands for all, as where a record begins with a step, if BIC is lower with it; then all that a delay
+    holds, if the first outputs still show that.
     """
     for every in (False, True):
         thetas = normal.restore(model, data, result.problem, result.outcome)[0].theta0
         pairs = [(b, model.part(thetas[0], b)) for b in model.blocks]
         longest = [b.recalling(theta, every=True) for b, theta in pairs]
         count = sum(b.n_parameters for b in longest if b is not None)
-        if not count or model.predicts or not _begins_worse(model, thetas, data, count):
+        if not count or model.predicts or (every and not _begins_worse(model, thetas, data, count)):
             break
         chain = replace(model, blocks=tuple(b.recalling(theta, every) or b for b, theta in pairs))
         points = np.array([_point(model, chain, *each) for each in zip(thetas, data.experiments, strict=True)])
-        model, (normal, result) = chain, search_finer(chain, points, data, normal, result, context, None)
+        further = search_finer(chain, points, data, normal, result, context, None)
+        N, before = int(data.observed.sum()), result.outcome.cost * normal.size**2
+        now = further[1].outcome.cost * further[0].size ** 2
+        if every or N * np.log(before / max(now, 1e-300)) > len(points) * np.log(N):
+            model, (normal, result) = chain, further
     return model, normal, result
 
 
