@@ -19,6 +19,7 @@ CLOCK_WORDS = words(
     "t time timestamp timestamps stamp clock millis micros elapsed ms us ns seconds sec secs msec usec zeit"
 )
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+STAMPS = ("ts", "times")  # names that end in s and say no unit
 UNITS_SINCE_1970 = {**UNITS, "ns": 1e-9}
 # Limits chosen by hand; the logs of tests/corpus hold them.
 STEPS = (2e-4, 10.0)  # [s] between samples of an actuator's log; a unit that gives another step is implausible
@@ -69,8 +70,6 @@ def unit_of_clock(column: Column) -> ClockUnit:
     other = "" if reading.unit is None else _other_unit_since_1970(column, reading.unit)
     if not other:
         return reading
-    if column.header.base.lower() == "ts":  # short for time stamp too
-        return ClockUnit(other, "its stamps count from 1970")
     return ClockUnit(
         None,
         f"column {column.name!r} names {reading.unit}, and its stamps near {float(column.finite.max()):.6g} count from "
@@ -108,7 +107,7 @@ def _unit_by_name(column: Column, remedy: str) -> ClockUnit | None:
         return ClockUnit(None, f"column {column.name!r} has two units, {units[0]} and {units[1]}; {remedy}")
     if units:
         return ClockUnit(units[0], "its name says so")
-    word = time_word(header.base)
+    word = "" if header.base.lower() in STAMPS else time_word(header.base)
     if word in UNSURE:
         return ClockUnit(None, f"{subject}, in {ALONE[word]} by its last letter or in another unit; {remedy}")
     return ClockUnit(TIMES[word], "its name says so") if word else None

@@ -45,6 +45,7 @@ from sysid.channels.roles import (
     doubts_of_roles,
     is_counter,
     is_switch,
+    note_on_controller,
     note_on_direction,
     switch_of,
 )
@@ -156,6 +157,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     else:
         experiments = None
     roles = _guess_signals(table, columns, signals, given, why, unclear)
+    if given.input is None and given.output is None:
+        unclear += note_on_controller(roles, signals)
     channels: dict[str, list[Channel]] = {}
     for role, first in roles.items():
         channels[role] = [] if first is not None else [Channel(column="")]

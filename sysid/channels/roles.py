@@ -285,3 +285,15 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         f"{inventory}{clock}{omissions}: no column is left for the {left_open}; give a log that has an input and an "
         f"output, recorded together{other}"
     ]
+
+
+def note_on_controller(roles: Mapping[str, Column | None], signals: Mapping[str, Column]) -> list[str]:
+    """What is asked where a setpoint stands beside an input and an output that may be those of the controller."""
+    chosen = [column.name for column in roles.values() if column is not None]
+    setpoints = [name for name, column in signals.items() if column.header.words & {"setpoint", "sp"}]
+    if not setpoints or sorted(name.lower() for name in chosen) != ["input", "output"]:
+        return []
+    return [
+        f"columns {setpoints[0]!r}, {chosen[0]!r} and {chosen[1]!r} may be a controller's, whose input is the output of "
+        "the plant; name the input of the plant with --input and its output with --output"
+    ]

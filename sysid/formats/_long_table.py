@@ -19,7 +19,7 @@ KEYS |= {
     "id",
 }  # entity_id of Home Assistant, whose history has entity_id, state, last_changed
 _OF_KEY = re.compile("[ _.-]*(?:name|id)$")  # TagName, sensor_id
-VALUES = {"value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
+VALUES = {"payload", "value", "_value", "val", "values", "reading", "data", "wert", "valeur", "valor"}
 UNITS = {"unit", "units", "einheit"}
 MOST = 200  # names: more are texts of another kind
 REPEATED = 2.0  # rows of a name on the average, at least

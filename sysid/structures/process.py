@@ -40,7 +40,7 @@ def _kind(name: str) -> Process:
 
 
 @checked
-def process(kind: str = "P1D", offset: str = "none", **limits: Any) -> Chain:
+def process(kind: str = "P1D", offset: str = "free", **limits: Any) -> Chain:
     """y = K (1 + Tz s) exp(-Td s) / ((1 + T1 s)(1 + T2 s)(1 + T3 s) s) u + offset, in seconds.
 
     kind: "P", the number of time constants (0 to 3), then letters: D for a delay Td, which need be no whole number of

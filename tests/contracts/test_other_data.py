@@ -319,3 +319,14 @@ def test_numbers_at_the_end_of_the_range_are_refused_without_a_warning(tmp_path)
     """Differences of such numbers overflow."""
     with pytest.raises(InputError, match="column 'u': found a value above 1e100"):
         sysid.read(written(tmp_path, log("u,y", 1e308 * np.sign(U), Y)), Ts=0.1)
+
+
+def test_columns_of_a_controller_are_asked_for(tmp_path):
+    """The PID library of Arduino calls the measured value Input and what drives the plant Output."""
+    path = written(tmp_path, log("time,Setpoint,Input,Output", K / 10, np.repeat(1.0, len(K)), Y, U))
+    with pytest.raises(
+        InputError, match="may be a controller's, whose input is the output of the plant; name the input"
+    ):
+        sysid.read(path)
+    data = sysid.read(path, input="Output", output="Input")
+    np.testing.assert_allclose(data.u[:, 0], U, atol=1e-6)

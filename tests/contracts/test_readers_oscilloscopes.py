@@ -90,3 +90,15 @@ def test_other_tables_are_no_exports_of_oscilloscopes(head, tmp_path):
     path.write_text("\n".join([head, *ROWS]))
     notes = read_table(path).notes
     assert not any("oscilloscope" in note for note in notes)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("s", 1.0), ("ms", 1e3)])
+def test_units_below_the_names_of_a_data_logger_are_those_of_its_columns(unit, factor, tmp_path):
+    """Settings in quotes, a blank line, names, units, a blank line, as AiM and MoTeC write them."""
+    rows = [f"{k * 0.02 * factor:g},{1000 * (k % 7)},{60 * k}" for k in range(50)]
+    head = ['"Format","AiM CSV File"', '"Sample Rate","50"', "", '"Time","Drive","Wheel"', f'"{unit}","mV","rpm"', ""]
+    (tmp_path / "a.csv").write_text("\n".join([*head, *rows, ""]))
+    record = read_record(tmp_path / "a.csv", input="Drive", output="Wheel").data
+    assert record.Ts == pytest.approx(0.02)
+    np.testing.assert_allclose(record.u[:, 0], np.arange(50) % 7)
+    np.testing.assert_allclose(record.y[:, 0], 2.0 * np.pi * np.arange(50))

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from corpus._log import ROWS, TS, Log, Right, T, U, Y, log
+from corpus._log import ROWS, TS, Log, Right, T, U, Y, log, refused
 from corpus.binaries import mat
 
 TWICE = Right(U + U, Y + Y)
@@ -127,6 +127,24 @@ LOGS: dict[str, Log] = {
             [f"{row.split(',')[1]},{DATED[k // 2]},{row.split(',')[2]},1" for k, row in enumerate(LONG)],
         ),
         Right(Ts=2.0),
+    ),
+    "messages with a number as payload": log(
+        lines(
+            "",
+            [
+                json.dumps({"time": m["t"], "topic": m["topic"], "payload": x})
+                for m in MESSAGES
+                for x in m["payload"].values()
+            ],
+        ),
+        file="a.jsonl",
+        input="rig/u",
+        output="rig/y",
+    ),
+    "milliseconds called ts": log(lines("ts,u,y", [f"{1000 * t:.0f},{u:g},{y:g}" for t, u, y in VALUES])),
+    "a log of a controller": log(
+        lines("time,Setpoint,Input,Output", [f"{t:.1f},{k % 3},{y:g},{u:g}" for k, (t, u, y) in enumerate(VALUES)]),
+        refused("--input"),
     ),
     "a switch in words beside one signal": log(
         lines("t,heater,y", [f"{t:.1f},{'ON' if u > 0 else 'OFF'},{y:g}" for t, u, y in VALUES]),
