@@ -294,6 +294,6 @@ def note_on_controller(roles: Mapping[str, Column | None], signals: Mapping[str,
     if not setpoints or sorted(name.lower() for name in chosen) != ["input", "output"]:
         return []
     return [
-        f"columns {setpoints[0]!r}, {chosen[0]!r} and {chosen[1]!r} may be a controller's, whose input is the output of "
-        "the plant; name the input of the plant with --input and its output with --output"
+        f"columns {setpoints[0]!r}, {chosen[0]!r} and {chosen[1]!r} may be a controller's, whose input is the output "
+        "of the plant; name the input of the plant with --input and its output with --output"
     ]
