@@ -305,7 +305,7 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     parameters = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]
     if parameters:
         warnings.append(
-            f"the data do not determine {', '.join(parameters)}; excite more levels or choose a smaller map"
+            f"the data do not determine {', '.join(parameters)}; excite more levels or choose a smaller model"
         )
     poles = np.concatenate([np.empty(0), *(b.poles(theta[part]) for part, b in model.dynamics)])
     if not model.predicts and motion(poles) != Motion.STABLE:

@@ -35,7 +35,7 @@ def _kind(name: str) -> Process:
             return block
     raise InputError(
         f"unknown kind of process {name!r}; write P and the number of time constants, 0 to 3, then any of D (delay), I "
-        "(integrator), Z (zero; it needs two poles) and U (P2: a pair of poles), such as P1D or P2DZU"
+        "(integrator; P0 needs it), Z (zero; it needs two poles) and U (P2: a pair of poles), such as P1D or P2DZU"
     )
 
 
