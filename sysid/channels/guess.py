@@ -50,7 +50,7 @@ from sysid.channels.roles import (
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
-from sysid.channels.unused_clock import count_of_changes, notes_on_unused_clock, tell_starts
+from sysid.channels.unused_clock import count_of_changes, notes_on_unused_clock, tell_order, tell_starts
 from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
 from sysid.formats import read_table
@@ -178,6 +178,8 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     why += [switch_note] if switch_note else []
     counters = [] if clock.column else [choice.unused, *(c.name for c in columns.values() if is_counter(c))]
     starts = {name: found for name in counters if name and len(found := starts_of_clock(table, name))}
+    if given.Ts is not None and not clock.column:
+        tell_order(table, columns, [name for name in counters if name and name not in starts], signals, unclear, why)
     numbered, by_clock = experiments.name if experiments else "", next(iter(starts), "")
     if by_clock and not turns and len(starts[by_clock]) > count_of_changes(experiments):
         numbered, experiments = by_clock, None

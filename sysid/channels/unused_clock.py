@@ -1,8 +1,11 @@
 """A clock beside a sampling time that is given: what is told where it says otherwise, or starts again."""
 
+from collections.abc import Collection
+
 import numpy as np
 
-from sysid.channels.column import Column
+from sysid.channels.clock import is_named_clock
+from sysid.channels.column import RISING, Column
 from sysid.channels.conversion import seconds
 from sysid.channels.experiments import doubt_of_starts, rows_text, starts_of_clock
 from sysid.channels.mapping import Clock
@@ -56,3 +59,36 @@ def tell_starts(
     why.append(
         f"column {column!r}, a clock that is not used, starts again or pauses at {rows}: experiments of their own"
     )
+
+
+def tell_order(
+    table: Table,
+    columns: Columns,
+    counters: Collection[str],
+    names: Collection[str],
+    unclear: list[str],
+    why: list[str],
+) -> None:
+    """Says where a sampling time that is given would close up rows that were lost, by their counters, or take rows for
+    each other's neighbours that a clock among the columns `names` puts elsewhere.
+    """
+    for name in counters:
+        steps, usual = np.diff(columns[name].values), columns[name].step
+        (skips,) = np.nonzero(steps > LOST * usual)
+        if usual > 0.0 and len(skips) and not np.any(steps <= 0.0):
+            row = table.rows[table.names.index(name)][int(skips[0]) + 1]
+            lost = int(np.sum(np.rint(steps[skips] / usual) - 1))
+            why.append(
+                f"column {name!r} skips {lost} number(s), the first before {table.place} {row}: rows that were lost "
+                "are closed up, as the sampling time is given; put empty rows in their places to have them marked"
+            )
+    for name in names:
+        steps, ordered = np.diff(columns[name].values), np.diff(np.sort(columns[name].values))
+        usual = float(np.median(ordered)) if len(ordered) and is_named_clock(columns[name].header) else 0.0
+        even = usual > 0.0 and float(np.mean(np.abs(ordered - usual) <= 0.1 * usual)) >= RISING
+        if even and 0.1 < np.mean(steps < 0.0) < 0.9:
+            unclear.append(
+                f"the rows are not in the order of column {name!r}, which is an even clock once it is sorted; sort the "
+                'rows by it and leave --ts out, or set column = "" and Ts under [clock] in a mapping if they are in '
+                "order as they stand"
+            )

@@ -85,3 +85,23 @@ def test_a_second_clock_that_is_later_throughout_is_told(tmp_path):
     assert "1 s later in every row" in notes[1.0]
     assert "if each has its own, name it as clock of [[input]] and of [[output]]" in notes[1.0]
     assert "in every row" not in notes[0.0] + notes[1.7e9]
+
+
+def test_lost_rows_that_a_counter_shows_are_told(tmp_path):
+    kept = np.delete(K, [50, 51, 130])
+    path = write(tmp_path / "a.csv", "frame,u_V,y_rad", kept, U[kept], Y[kept])
+    assert any("'frame' skips 3 number(s), the first before row 52" in note for note in read_record(path, Ts=TS).notes)
+
+
+def test_rows_out_of_the_order_of_their_clock_are_no_record_and_both_ways_out_work(tmp_path):
+    order = np.random.default_rng(0).permutation(N)
+    path = write(tmp_path / "a.csv", "t,u_V,y_rad", TS * K[order], U[order], Y[order])
+    with pytest.raises(InputError, match=r"not in the order of column 't'.*sort the rows by it and leave --ts out"):
+        read_record(path, Ts=TS)
+    head, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([head, *sorted(rows, key=lambda row: float(row.split(",")[0])), ""]))
+    np.testing.assert_array_equal(read_record(path).data.y[:, 0], Y)
+    mapping = tmp_path / "m.toml"
+    mapping.write_text('[clock]\ncolumn = ""\nTs = 0.02\n[[input]]\ncolumn = "u_V"\n[[output]]\ncolumn = "y_rad"\n')
+    path = write(tmp_path / "b.csv", "t,u_V,y_rad", TS * K[order], U, Y)
+    np.testing.assert_array_equal(read_record(path, mapping=mapping).data.y[:, 0], Y)
