@@ -119,14 +119,15 @@ def _groups(path: Path, segments: list[Segment], kind: str, head: dict[str, list
     if any(segment.names != names for segment in segments):
         raise InputError(f"{path} has segments of other channels ({', '.join(names[:count])}); split it at its headers")
     places = range(1, count, 2) if kind == "multi" else range(1, count)
-    began = [_date(segment.header, head) for segment in segments]
+    start = _date(first.header, head, 0)  # of the first channel
     groups: list[Group] = []
     for k, j in enumerate(places):
         times, values = [], []
-        for segment, date in zip(segments, began, strict=True):
+        for segment in segments:
+            date = _date(segment.header, head, k)
             rows = np.array(segment.rows, dtype=float)
             filled = np.isfinite(rows[:, j])
-            shift = (date - began[0]).total_seconds() if date and began[0] else 0.0
+            shift = (date - start).total_seconds() if date and start else 0.0
             x0, step = (
                 float(_entry(segment.header, key, k).replace(decimal, ".") or "nan") for key in ("X0", "Delta_X")
             )
@@ -144,10 +145,12 @@ def _groups(path: Path, segments: list[Segment], kind: str, head: dict[str, list
     return groups
 
 
-def _date(header: dict[str, list[str]], head: dict[str, list[str]]) -> datetime | None:
-    """When a segment begins, as its header or the file's says."""
-    date, time = (_entry(header, key) or _entry(head, key) for key in ("Date", "Time"))
+def _date(header: dict[str, list[str]], head: dict[str, list[str]], k: int) -> datetime | None:
+    """When channel k of a segment begins, as its header or the file's says."""
+    stated = [[cell for cell in header.get(key, []) if cell] or [_entry(head, key)] for key in ("Date", "Time")]
+    date, time = (cells[min(k, len(cells) - 1)] for cells in stated)  # one for all channels, or one for each
+    whole, _, part = time.replace(",", ".").partition(".")
     try:
-        return datetime.strptime(f"{date} {time.replace(',', '.')[:15]}", "%Y/%m/%d %H:%M:%S.%f")
+        return datetime.strptime(f"{date} {whole}.{part[:6] or 0}", "%Y/%m/%d %H:%M:%S.%f")
     except ValueError:
         return None

@@ -98,6 +98,31 @@ def test_segments_without_x_columns_follow_each_other_by_their_dates(tmp_path):
     assert pole_and_gain(record.data.u[:, 0], record.data.y[:, 0]) == pytest.approx((np.exp(-TS / TAU), GAIN), abs=1e-6)
 
 
+@pytest.mark.parametrize("columns", ["No", "Multi"])
+def test_channels_that_begin_at_times_of_their_own_are_that_far_apart(columns, tmp_path):
+    u, y = np.arange(8.0), 10.0 + np.arange(8.0)
+    gap = "\t\t" if columns == "Multi" else "\t"
+    times = f"Date\t2026/03/17{gap}2026/03/17", f"Time\t10:00:00{gap}10:00:01.04"
+    head = [
+        "LabVIEW Measurement\t",
+        "Separator\tTab",
+        f"X_Columns\t{columns}",
+        "***End_of_Header***",
+        "",
+        "Channels\t2",
+    ]
+    rows = [f"\t{a}\t{b}" for a, b in zip(u, y, strict=True)]
+    if columns == "Multi":
+        rows = [f"{0.02 * k}\t{a}\t{0.02 * k}\t{b}" for k, (a, b) in enumerate(zip(u, y, strict=True))]
+    names = "X_Value\tu\tX_Value\ty\tComment" if columns == "Multi" else "X_Value\tu\ty\tComment"
+    lines = [*head, *times, f"X0\t0{gap}0", f"Delta_X\t0.02{gap}0.02", "***End_of_Header***", names, *rows, ""]
+    (tmp_path / "a.lvm").write_text("\n".join(lines))
+    table = read_table(tmp_path / "a.lvm")
+    values = dict(zip(table.names, table.columns, strict=True))
+    shift = values[table.clocks["y"]] - values[table.clocks["u"]]
+    np.testing.assert_allclose(shift, 1.04, atol=1e-9)
+
+
 def test_arrays_truth_values_and_a_cut_end_of_a_log_of_wpilib(tmp_path):
     path = tmp_path / "a.wpilog"
     raw = (
