@@ -247,6 +247,16 @@ class Process(Recursion):
         c = _rows(output(s, p, self), len(names), n)
         return np.ascontiguousarray(moved[:, :, :n]), np.ascontiguousarray(moved[:, :, n:]), c
 
+    def continuous(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """Numerator and denominator in falling powers of s, and the delay [s]."""
+        m, den = self.by_name(theta), np.ones(1)
+        for k in self._in_order:
+            den = np.convolve(den, [m[f"T{k}"], 1.0])
+        if self.pair:
+            den = np.convolve(den, [m["wn"] ** -2, 2.0 * m["zeta"] / m["wn"], 1.0])
+        den = np.append(den, 0.0) if self.integrator else den
+        return m["K"] * np.array([m["Tz"], 1.0] if self.zero else [1.0]), den, m.get("Td", 0.0)
+
     def rational(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """B (m,) and F (n + 1,) of the sampled block in powers of q^-1, and their gradients (m, p) and (n + 1, p)."""
         m, n = self.by_name(theta), self.order

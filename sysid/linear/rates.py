@@ -1,6 +1,6 @@
 """The tangent of a fit in continuous time, and at another sampling time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,6 +8,7 @@ from scipy.linalg import expm, logm
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
+from sysid.blocks import Process
 from sysid.estimation.result import Fit
 from sysid.linear.linearize import tangent
 
@@ -43,6 +44,9 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     load()  # matplotlib, which control imports, whatever its settings are
     import control
 
+    if method == "zoh" and (process := _process(fit)) is not None:  # which is in continuous time as it stands
+        num, den, delay = process[0].continuous(process[1])
+        return Continuous(control.tf(num, den), delay)
     B, F, extra = _parts(fit, u)
     A, b, c, d = _companion(B, F)
     if method == "zoh":
@@ -50,6 +54,11 @@ def d2c(fit: Fit, u: float = 0.0, method: str = "zoh") -> Continuous:
     else:
         A, b, c, d = _bilinear(A, b, c, d, fit.Ts)
     return Continuous(control.tf(*_rational(A, b, c, d)), extra * fit.Ts)
+
+
+def _process(fit: Fit) -> tuple[Process, np.ndarray] | None:
+    """The process of a fit and its parameters."""
+    return next(((b, fit.model.part(fit.theta, b)) for b in fit.model.blocks if isinstance(b, Process)), None)
 
 
 @checked(deferred=("Ts",))
@@ -65,6 +74,10 @@ def d2d(fit: Fit, Ts: float, u: float = 0.0) -> "TransferFunction":
 
     if not (np.isfinite(Ts) and Ts > 0):
         raise InputError(f"Ts is {Ts}; give the new sampling time as a positive number of seconds")
+    if (process := _process(fit)) is not None:
+        B, F = replace(process[0], Ts=Ts).rational(process[1])[:2]
+        n = max(len(B), len(F))
+        return control.tf(np.trim_zeros(np.pad(B, (0, n - len(B))), "f"), np.pad(F, (0, n - len(F))), Ts)
     B, F, extra = _parts(fit, u)
     samples = extra * fit.Ts / Ts
     if abs(samples - round(samples)) > 1e-6:

@@ -98,6 +98,13 @@ def test_poles_and_frequency_response_are_those_of_the_plant():
     np.testing.assert_allclose(response.magnitude.value, np.abs(exact), rtol=0.01)
     np.testing.assert_allclose(response.phase.value, np.degrees(np.unwrap(np.angle(exact))), atol=1.0)
     np.testing.assert_allclose(sysid.linear.tangent(fit)(np.exp(0.5 * jw)), exact, atol=0.01 * np.abs(exact).max())
+    continuous = sysid.linear.d2c(fit)
+    np.testing.assert_allclose(
+        continuous.G(jw) * np.exp(-jw * continuous.delay) * held, exact, atol=0.01 * abs(exact).max()
+    )
+    faster = sysid.linear.d2d(fit, 0.125)(np.exp(0.125 * jw))
+    held_shorter = (1.0 - np.exp(-0.125 * jw)) / (0.125 * jw)
+    np.testing.assert_allclose(faster, exact / held * held_shorter, atol=0.01 * np.abs(exact).max())
     frequency = next(value for value in named_values(fit, data) if value.name == "natural frequency")
     assert display_quantity(frequency.name, frequency.unit).unit == "rad/s"
 
