@@ -107,7 +107,10 @@ def _tells(cells: Sequence[str] | np.ndarray) -> bool:
 
 def _moves(table: Table, j: int) -> bool:
     """Whether a column of numbers changes."""
-    return _is_numeric(table.columns[j]) and bool(np.any(np.diff(_floats(table, j)) != 0))
+    if not _is_numeric(table.columns[j]):
+        return False
+    x = _floats(table, j)
+    return bool(np.any(x[1:] != x[:-1]))
 
 
 def _names(table: Table, keys: Sequence[int]) -> list[str]:
@@ -171,8 +174,7 @@ def _values(table: Table, j: int) -> np.ndarray:
 
 def _turns(t: np.ndarray) -> int:
     """How often stamps go against their own direction: once behind each block of a name, if at all."""
-    steps = np.diff(t)
-    return int(min(np.count_nonzero(steps < 0), np.count_nonzero(steps > 0)))
+    return int(min(np.count_nonzero(t[1:] < t[:-1]), np.count_nonzero(t[1:] > t[:-1])))
 
 
 def _units(table: Table, names: Sequence[str], j: int | None, time: str, distinct: Sequence[str]) -> dict[str, str]:

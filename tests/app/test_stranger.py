@@ -204,7 +204,7 @@ def test_a_session_of_a_stranger_calls_nobody(watched, trap, tmp_path, more):
             watched.get(address)
             wait(watched)
             assert watched.current_url == address
-            assert watched.title == "report"
+            until(lambda: watched.title == "report", "the report")
             assert "The report" in watched.page_source
             assert watched.find_elements("css selector", ".zoom .main-svg")  # its own figures are still drawn
             assert not watched.find_elements("css selector", "a[href], form, iframe, object, video")

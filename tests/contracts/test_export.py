@@ -42,8 +42,12 @@ def fitted(structure, maps, nk):
     values = iter([MAPS[m][1] for m in maps])
     theta = []
     for b in chain.blocks:
-        own = next(values) if isinstance(b, StaticBlock) else np.concatenate([LINEAR, np.full(b.n_parameters - 4, 0.7)])
-        theta.append(own)
+        if is_offset(b):
+            theta.append(np.array([0.3]))
+        elif isinstance(b, StaticBlock):
+            theta.append(next(values))
+        else:
+            theta.append(np.concatenate([LINEAR, np.full(b.n_parameters - 4, 0.7)]))
     return made(chain, np.concatenate(theta))
 
 
