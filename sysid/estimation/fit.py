@@ -13,7 +13,7 @@
 7. Finer maps, where the objective asks for them: many break points, with a prior that the record chooses
    (`finer_maps`).
 8. Named maps: shapes of few numbers instead, where the record says that a map has one (`named_maps`).
-9. Past inputs: those that a delay holds at the beginning, where the first outputs show them (`past_inputs`).
+9. Past inputs: one where BIC is lower with it, all that a delay holds where the first outputs show them.
 10. Result: in the units of the record, with covariance, criteria and warnings (`_result`).
 """
 
@@ -297,9 +297,8 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
         warnings.append(
             f"{', '.join(names_outside)} ended outside the bounds, since the block has limits of its own; widen them"
         )
-    before = np.array(
-        [slot.initial and slot.name[0] == "u" for slot in model.slots]
-    )  # an input that may have no effect
+    # An input before the record may have no effect.
+    before = np.array([slot.initial and slot.name[0] == "u" for slot in model.slots])
     lost = cov.unidentifiable & ~before
     counts = [(b, int(lost[model.index(b)].sum())) for b in model.blocks]
     parameters = [f"{n} of {b.n_parameters} parameters of {b.role}" for b, n in counts if n]

@@ -147,7 +147,7 @@ def _ends(result: Identification) -> NextStep | None:
 def _loop(result: Identification) -> NextStep | None:
     """A controller makes the input, or the plant integrates or is not stable: a model that predicts."""
     e = result.evaluation
-    if isinstance(e.setting.recipe, Armax | Arx | NonlinearArx | ActuatedJoint):
+    if e.fit.predicts or isinstance(e.setting.recipe, ActuatedJoint):
         return None
     if _in_loop(result):
         reason = "the input seems to come from a controller of the output"

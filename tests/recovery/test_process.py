@@ -14,6 +14,7 @@ import sysid
 from sysid import InputError, IOData
 from sysid.base.quantities import display_quantity
 from sysid.blocks import Process
+from sysid.estimation.starts import starts
 from sysid.structures import ProcessModel, process
 from sysid.structures.process import KINDS
 from sysid.uncertainty import responses
@@ -289,3 +290,16 @@ def test_a_step_from_rest_gives_the_process(Td, rest):
         assert values["plant.K"] == pytest.approx(2.0, abs=0.03 + 0.6 / rest)  # few samples show the level before
         assert values["plant.T1"] == pytest.approx(20.0, abs=1.5)
         assert values["plant.Td"] == pytest.approx(Td, abs=1.0)
+
+
+@pytest.mark.parametrize("moving", [False, True])
+@pytest.mark.parametrize("Tz", [-6.0, 8.0])
+def test_a_start_has_the_zero_too(Tz, moving):
+    """Nearly all of the output is there before any search, from rest and in motion; without the zero it is not."""
+    block = Process(lags=2, zero=True, delayed=False)
+    u = np.repeat(np.random.default_rng(3).normal(size=40), 10)
+    theta = theta_of(block, K=1.5, T1=9.0, T2=4.0, Tz=Tz, x1=4.0 * moving, x2=-3.0 * moving)
+    data, chain = IOData(u, block.output(theta, u), 1.0), process("P2Z")
+    left = [np.var(data.y[:, 0] - chain.simulate(point, u)) for point in starts(chain, data, 2, 0)]
+    assert left[0] < 0.01 * np.var(data.y)  # with free initial states
+    assert moving or left[1] < 0.01 * np.var(data.y)  # at rest
