@@ -172,6 +172,14 @@ def _range(text: str) -> Any:
     return parse_range(text)
 
 
+def _sorted(attempt: Try) -> Try:
+    """With the rows in the order of the clock in their first cell."""
+    lines = attempt.content.splitlines(keepends=True)
+    first = next(i for i, line in enumerate(lines) if line[:1].isdigit())
+    rows = sorted(lines[first:], key=lambda line: float(line.split(b",")[0]))
+    return replace(attempt, content=b"".join(lines[:first] + rows))
+
+
 def _renamed(attempt: Try, said: str) -> Try:
     """With another name for the first of two columns of one."""
     name = _named(said).encode()
@@ -215,7 +223,8 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"thousands marks, (-?[\d.,]+) if that", lambda a, m, s: _edit(a, s, m[1])),
     (r"correct the cell(?!:)|correct them", lambda a, m, s: None if "holds dates" in s else _edit(a, s, "1.5")),
     (r"empty the cell", lambda a, m, s: replace(_edit(a, s, "") or a, options=a.options | {"missing": "keep"})),
-    (r"leave --ts out", lambda a, m, s: _without(a, "Ts")),
+    (r"sort the rows by it and leave --ts out", lambda a, m, s: _without(_sorted(a), "Ts")),
+    (r"(?<!sort the rows by it and )leave --ts out", lambda a, m, s: _without(a, "Ts")),
     (r"clock of \[\[input\]\] and of \[\[output\]\]", _own_clocks),
     (r"leave unit and period", lambda a, m, s: _without(a, "time_unit")),
     (r"rename one of them", lambda a, m, s: _renamed(a, s)),
