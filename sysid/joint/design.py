@@ -219,20 +219,23 @@ def _add_strokes(work: _Plan, k: int) -> None:
 
 
 def _add_pulses(work: _Plan, k: int) -> None:
-    """The experiment on break-away: rising pulses from rest, up and down in turn, each the way that the joint came."""
+    """The experiment on break-away: rising pulses from rest, up and down in turn, each the way that the joint came.
+
+    Each height of the pulses is a phase: a rig with little time left plays some of them.
+    """
     course = work.course
 
-    def run() -> None:
-        for top in TOPS:
-            for way in (1, -1):
-                course.add_approach(PLACES[k], way)
-                course.add_rest()
-                for level in course.rising_levels(way, top):
-                    course.add_level(level, course.pulse_samples)
-                    course.add_level(course.resting_input, course.observation_samples)
+    def run(top: float) -> None:
+        for way in (1, -1):
+            course.add_approach(PLACES[k], way)
+            course.add_rest()
+            for level in course.rising_levels(way, top):
+                course.add_level(level, course.pulse_samples)
+                course.add_level(course.resting_input, course.observation_samples)
         course.add_rest()
 
-    work.phase("breakaway", run)
+    for top in TOPS:
+        work.phase("breakaway", partial(run, top))
 
 
 def _add_reversals(work: _Plan, k: int) -> None:

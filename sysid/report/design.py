@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import groupby
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import capital, display_quantity, number
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, Rule, Span
-from sysid.joint.design import TARGETS, Design
+from sysid.joint.design import TARGETS, Design, Phase
 from sysid.joint.sampling import response_samples
 from sysid.joint.use import Use
 from sysid.joint.values import JointValue, distinct_values
@@ -162,8 +163,14 @@ def _use_sentence(d: Design) -> str:
 
 def phases(d: Design) -> Grid:
     """The parts of the experiment."""
-    rows = [(p.name, f"{p.start * d.Ts:.1f} to {p.stop * d.Ts:.1f}", p.why) for p in d.phases]
+    rows = [(p.name, f"{p.start * d.Ts:.1f} to {p.stop * d.Ts:.1f}", p.why) for p in _parts(d)]
     return Grid(("part", "time [s]", "what happens"), rows, "Parts of the experiment", last_text=True)
+
+
+def _parts(d: Design) -> list[Phase]:
+    """The phases, neighbours of one name as one."""
+    groups = [list(group) for _, group in groupby(d.phases, key=lambda p: p.name)]
+    return [replace(group[0], stop=group[-1].stop) for group in groups]
 
 
 def values(d: Design) -> Grid:
@@ -200,7 +207,7 @@ def experiment_figure(d: Design, u_name: str = "input u", y_name: str = "y") -> 
     names = list(dict.fromkeys(p.name for p in d.phases))
     marks = [
         Span(p.start * d.Ts, p.stop * d.Ts, label=p.name, colour=COLOURS[names.index(p.name) % len(COLOURS)])
-        for p in d.phases
+        for p in _parts(d)
     ]
     figure = stack_figure(np.arange(len(d.u)) * d.Ts, signals)
     return replace(figure, height=4.4, lettered=False, marks=marks)

@@ -1,6 +1,7 @@
 """The next experiment shows what it is designed for, on joints that are not quite the fit it was designed on."""
 
 import itertools
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from sysid.joint.sampling import rate_needed, theta_at_rate
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.structures import actuated_joint, output_error
+from twin.rig.auto import shortened
 
 TS, NOISE = 0.05, 1e-3
 STICKY = actuated_joint(motor=Motor(load=2, stribeck=True, substeps=4), knots=3, play=False)
@@ -108,6 +110,15 @@ def test_pulses_bracket_the_voltage_that_starts_the_joint(factors: dict[str, flo
             assert abs(held) < needed <= abs(moved)
             assert abs(moved) - abs(held) < 0.08 * needed
             assert 0.2 < place < 0.8
+
+
+def test_a_fifth_of_the_time_for_break_away_still_starts_the_joint_both_ways() -> None:
+    """A rig with little time left plays the parts that fit."""
+    d = proposed("breakaway")
+    given = shortened(d, 0.2 * d.duration, 12.0)
+    assert 0.0 < len(given.u) * given.Ts <= 0.2 * d.duration
+    played = replace(d, u=given.u, phases=(replace(d.phases[0], start=0, stop=len(given.u)),))
+    assert {way for way, *_ in starts(TRUE, played)} == {-1, 1}
 
 
 @pytest.mark.parametrize(

@@ -169,13 +169,13 @@ def campaign(
         except InputError as error:
             return replace(done, stopped=f"no next experiment can be designed: {error}")
         left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
-        given = _shortened(plan, left, calibration.largest)
+        given = shortened(plan, left, calibration.largest)
         if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
 
 
-def _shortened(plan: Design, seconds: float, largest: float) -> Input:
+def shortened(plan: Design, seconds: float, largest: float) -> Input:
     """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones.
 
     Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out.
