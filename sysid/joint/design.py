@@ -287,13 +287,13 @@ def _expected_values(
             f"no backlash is known yet; the prediction has one of {width_in_words}, to test whether it would show"
         )
     noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
-    record = _with_names(IOData(u, y + noise, course.Ts), data)
+    record = with_names_of(IOData(u, y + noise, course.Ts), data)
     record = IOData.merge(data, record) if both else record
     refit = fit_chain(chain, record, start=np.array(theta), search="lm")
     return joint_values(refit, data=record, complete=complete), notes
 
 
-def _with_names(record: IOData, model_record: IOData) -> IOData:
+def with_names_of(record: IOData, model_record: IOData) -> IOData:
     """The record with the names and units of another."""
     return replace(
         record,

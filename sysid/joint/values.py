@@ -283,7 +283,9 @@ def _check_precision(
     if not std > _LARGEST_DEVIATION * least:
         return row
     reason = f"uncertain by {spread_in_words(std / max(least, 1e-300))}{f', {row.why}' if row.why else ''}"
-    return ValueEvidence(False, f"{reason}: record the next experiment (qpal design FILE)", row.counts)
+    servo = "speed_full_drive" in readings
+    more = "record slow ramps of the goal as well" if servo else "record the next experiment (qpal design FILE)"
+    return ValueEvidence(False, f"{reason}: {more}", row.counts)
 
 
 def _sum(a: Reading, b: Reading) -> Reading:

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +12,14 @@ import typer
 from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.cable import BUSES, ask, say
+from twin.cli.keeping import kept_logs
+from twin.cli.output import run_folder
 from twin.cli.results import note_result
 from twin.cli.stopping import hold_requests
 
 if TYPE_CHECKING:
+    from twin.log import Log
+    from twin.rig.auto import Campaign
     from twin.rig.bus.emulator import Emulator
     from twin.rig.bus.line import Bus
     from twin.rig.bus.recording import Recording
@@ -34,19 +39,13 @@ def name_of(bus: str | None, emulate: str | None, rig: str | None = None) -> str
     return read(rig).bus if is_servo(rig) else None
 
 
-def refuse(verb: str, bus: str | None, emulate: str | None, rig: str) -> None:
-    """Raises InputError where the rig is a servo and `verb` is of boards alone."""
-    if name_of(bus, emulate, rig) is None:
-        return
-    if verb == "zero":
+def refuse_zero(emulate: str | None, rig: str) -> None:
+    """Raises InputError where the rig is a servo, which has no zero to find."""
+    if name_of(None, emulate, rig) is not None:
         raise InputError(
             "a servo knows its angle, and has no zero to find: set middle (its position at angle 0) and reversed in "
-            f"{rig}; then qpal rig run GOALS.csv"
+            f"{rig}; then qpal rig auto JOINT"
         )
-    raise InputError(
-        "qpal rig auto designs voltages, and a servo takes goals: qpal rig run GOALS.csv --log LOG.csv, then qpal "
-        "identify LOG.csv --structure servo_joint"
-    )
 
 
 @contextmanager
@@ -167,6 +166,55 @@ def run(
                 note_result(log)
         hidden = [] if emulator is None else emulator.sentences()
     _end(recording, result.meta, hidden, log, as_json)
+
+
+def auto(
+    name: str,
+    joint: str,
+    most: int,
+    budget: float,
+    port: str | None,
+    rig: str,
+    emulate: str | None,
+    seed: int,
+    yes: bool,
+    out: str | None,
+    as_json: bool,
+) -> "tuple[Path, Campaign]":
+    """Go round from goals to values; the folder with the logs and the report, and what was found."""
+    from sysid.report.page import write
+    from twin.report import rig as report
+    from twin.rig.bus.auto import campaign
+    from twin.rig.bus.recording import save
+    from twin.rig.bus.servo import read, wired
+
+    known: Servo | None = read(rig) if emulate is None or Path(rig).exists() else None
+    if known is not None and (known.bus != name or known.joint != joint):
+        raise InputError(f"{rig} is of the {known.joint}, a {known.bus} servo; give another --rig, or wire this one")
+    baud = known.baud if known else None
+    with (
+        run_folder(out, "rig") as (folder, scratch),
+        kept_logs(folder, scratch, as_json) as kept,
+        bus_on(name, port or (known.port if known else None), baud, emulate, seed) as (bus, emulator),
+    ):
+        servo = known or wired(bus, 1, joint, lambda sentence: None)[0]
+        ask(f"The {joint} will move, with pauses, for up to {budget / 60:.0f} min of rig time. Keep clear of it.", yes)
+
+        def keep(number: int, log: "Log", recording: "Recording") -> None:
+            with hold_requests():
+                if log.N:
+                    save(log, recording, kept.path(number))
+
+        with console.progress(1 + 3 * most, lines=not as_json) as step:
+            result = campaign(bus, servo, seed, most, budget, step, lambda share: step.part(share, "playing"), keep)
+        if emulator is not None:
+            result = replace(result, truth=emulator.truth())
+        if not result.rounds and result.interrupted:
+            raise KeyboardInterrupt
+        if not result.rounds:
+            raise InputError(f"{result.stopped}; nothing was identified")
+        write(scratch, report.page(result), result.as_dict())
+    return folder, result
 
 
 def _end(done: "Recording", meta: Any, hidden: list[str], log: str, as_json: bool) -> None:

@@ -35,6 +35,7 @@ from twin.parameters import JOINTS
 if TYPE_CHECKING:
     import numpy as np
 
+    from twin.rig.auto import Campaign
     from twin.rig.run import Input, Recording
 
 
@@ -133,9 +134,11 @@ def auto(
     from twin.rig.auto import TS, campaign
     from twin.rig.journal import journal
 
-    servos.refuse("auto", None, emulate, rig)
     if experiments < 1 or not 0.0 < budget < 1e6:
         raise InputError(f"--experiments is {experiments} and --budget {budget:g}; give positive numbers")
+    if name := servos.name_of(None, emulate, rig):
+        _finish(*servos.auto(name, joint, experiments, budget, port, rig, emulate, seed, yes, out, as_json), as_json)
+        return
     known = known_calibration(rig, emulate)
     if known is not None and known.joint != joint:
         raise InputError(
@@ -183,6 +186,13 @@ def auto(
         if not result.rounds:
             raise InputError(f"{result.stopped}; nothing was identified")
         write(scratch, report.page(result), result.as_dict())
+    _finish(folder, result, as_json)
+
+
+def _finish(folder: Path, result: "Campaign", as_json: bool) -> None:
+    """What a campaign found; exit status 130 after Ctrl-C, 1 where a value is not determined."""
+    from twin.report import rig as report
+
     console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
     if result.interrupted:
         raise console.Interruption(f"the drive is off; the experiments before are in {folder}")

@@ -142,7 +142,7 @@ def zero(
     from twin.rig.wiring import find_ends
     from twin.rig.wiring import zero as zeroed
 
-    servos.refuse("zero", None, emulate, rig)
+    servos.refuse_zero(emulate, rig)
     known = calibrations.read(rig)
     check_new_file(rig)
     check_angles(low, high)

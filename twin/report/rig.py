@@ -9,7 +9,7 @@ from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.joint.values import WORDS, JointValue
 from sysid.plots.records import record_figure
 from sysid.report.page import Grid, Page, Picture, Section
-from twin.rig.auto import ASKED, Campaign
+from twin.rig.auto import Campaign
 
 _CAPTION = (
     "Each value with its 95 % interval after each experiment; an open mark is not determined yet. An interval stays "
@@ -45,9 +45,9 @@ def page(result: Campaign) -> Page:
 
 def sentences(result: Campaign) -> list[str]:
     """What is determined, and what was lost on the way."""
-    known = len(ASKED) - len(result.open)
+    known = len(result.asked) - len(result.open)
     texts = [
-        f"{known} of {len(ASKED)} values are determined after {len(result.rounds)} experiments and "
+        f"{known} of {len(result.asked)} values are determined after {len(result.rounds)} experiments and "
         f"{result.rig_seconds:.0f} s of rig time."
     ]
     if result.open:
@@ -57,9 +57,9 @@ def sentences(result: Campaign) -> list[str]:
         texts += [f"Experiment {k}: {note}." for note in done.log.meta["notes"]]
     if result.truth is not None:
         final = result.values_after(len(result.rounds))
-        judged = [name for name in ASKED if name not in result.open]
+        judged = [name for name in result.asked if name in result.truth and name not in result.open]
         holding = sum(final[name].holds(result.truth[name]) for name in judged)
-        texts.append(f"The leg was emulated: {holding} of {len(judged)} intervals hold the truth.")
+        texts.append(f"The rig was emulated: {holding} of {len(judged)} intervals hold the truth.")
     return texts
 
 
@@ -68,11 +68,12 @@ def tables(result: Campaign) -> list[Grid]:
     first, final = result.values_after(1), result.values_after(len(result.rounds))
     headings = ["value", "unit", "first experiment", "all experiments"] + (["truth"] if result.truth else [])
     rows = []
-    for name in ASKED:
+    for name in result.asked:
         if name in final:
             q = display_quantity(name, final[name].unit)
             cells = [WORDS[name], q.unit, _cell(first.get(name)), _cell(final[name])]
-            rows.append([*cells, *([number(q.factor * result.truth[name], 3)] if result.truth else [])])
+            truth = "–" if not result.truth or name not in result.truth else number(q.factor * result.truth[name], 3)
+            rows.append([*cells, *([truth] if result.truth else [])])
     return [Grid(headings, rows, text_columns=2)]
 
 
@@ -91,7 +92,7 @@ def figure(result: Campaign) -> Figure:
     names = [f"after {k}" for k in range(1, len(result.rounds) + 1)]
     after = [result.values_after(k) for k in range(1, len(names) + 1)]
     panels = []
-    for name in ASKED:
+    for name in result.asked:
         rows = [(k, known[name]) for k, known in enumerate(after) if name in known]
         if rows:
             panels.append(_panel(name, rows, names, result))
@@ -102,7 +103,7 @@ def figure(result: Campaign) -> Figure:
 def _panel(name: str, rows: list[tuple[int, JointValue]], names: list[str], result: Campaign) -> Panel:
     q = display_quantity(name, rows[0][1].unit)
     items: list[Item] = []
-    if result.truth is not None:
+    if result.truth is not None and name in result.truth:
         items.append(Rule(q.factor * result.truth[name], dash="dash", label="truth"))
     told = [(k, v.value, v.low, v.high) for k, v in rows if v.low is not None and v.high is not None]
     if told:

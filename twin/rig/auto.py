@@ -21,7 +21,6 @@ from twin.rig.calibration import Calibration
 from twin.rig.link import Link
 from twin.rig.run import Input, check_input, log_of, play
 from twin.rig.wiring import go_to_middle
-from twin.studies.beyond import UNITS
 
 ASKED = tuple(name for names in TARGETS.values() for name in names)
 MOST = 3  # experiments
@@ -47,8 +46,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Campaign:
-    """The experiments on a joint; `truth` are the hidden values of an emulated one. `stopped` says why it ended before
-    all values were determined, empty if they are; `interrupted`: a person stopped it."""
+    """The experiments on a joint, for the values `asked`.
+
+    `pooled`: the values of a round are from its log and all before it. `truth` are the hidden values of an emulated
+    rig, as far as it knows them. `stopped` says why it ended before all values were determined, empty if they are;
+    `interrupted`: a person stopped it.
+    """
 
     joint: str
     rounds: tuple[Round, ...]
@@ -56,13 +59,16 @@ class Campaign:
     stopped: str = ""
     interrupted: bool = False
     truth: Mapping[str, float] | None = None
+    asked: tuple[str, ...] = ASKED
+    pooled: bool = False
 
     def values_after(self, k: int) -> dict[str, JointValue]:
-        """What is known after k experiments: each asked value from the record that determines it most narrowly."""
+        """What is known after k experiments: each asked value from the record that determines it most narrowly, or from
+        all of them."""
         known: dict[str, JointValue] = {}
-        for done in self.rounds[:k]:
+        for done in self.rounds[k - 1 if self.pooled else 0 : k]:
             for value in done.values:
-                if value.name in ASKED and _width(value) <= _width(known.get(value.name)):
+                if value.name in self.asked and _width(value) <= _width(known.get(value.name)):
                     known[value.name] = value
         return known
 
@@ -70,7 +76,7 @@ class Campaign:
     def open(self) -> list[str]:
         """The asked values that no record determines."""
         known = self.values_after(len(self.rounds))
-        return [name for name in ASKED if not _determines(known.get(name))]
+        return [name for name in self.asked if not _determines(known.get(name))]
 
     def with_truth(self, truth: Mapping[str, float]) -> "Campaign":
         """The same with the hidden values."""
@@ -95,8 +101,19 @@ class Campaign:
             "not_determined": self.open,
             "rig_seconds": self.rig_seconds,
             "stopped": self.stopped or None,
-            "truth": None if self.truth is None else {name: _displayed_truth(name, self.truth[name]) for name in ASKED},
+            "truth": self._displayed_truth(),
             "versions": versions(),
+        }
+
+    def _displayed_truth(self) -> dict[str, float] | None:
+        """The hidden values in the units in which `values` are told."""
+        if self.truth is None:
+            return None
+        units = {name: value.unit for name, value in self.values_after(len(self.rounds)).items()}
+        return {
+            name: self.truth[name] * display_quantity(name, unit).factor
+            for name, unit in units.items()
+            if name in self.truth
         }
 
 
@@ -190,11 +207,6 @@ def shortened(plan: Design, seconds: float, largest: float) -> Input:
     parts = [plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)]
     what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
     return Input(np.clip(np.concatenate(parts), -largest, largest), plan.Ts, f"for {what}")
-
-
-def _displayed_truth(name: str, value: float) -> float:
-    """A hidden value in the unit in which `values` are told."""
-    return value * display_quantity(name, UNITS[name]).factor
 
 
 def _determines(value: JointValue | None) -> bool:

@@ -84,9 +84,11 @@ class Emulator(Closing):
     def truth(self) -> dict[str, float]:
         """The hidden values of the first servo, in rad, s and shares of the largest drive."""
         p, device, full = self.device.hidden.pendulum, self.device, self.device.model.largest
+        time_constant = (p.rotor_inertia + p.mass * p.length**2) * p.no_load_speed / p.stall_torque
         return {
             "speed_full_drive": p.no_load_speed * full,
-            "time_constant": (p.rotor_inertia + p.mass * p.length**2) * p.no_load_speed / p.stall_torque,
+            "time_constant": time_constant,
+            "lag_and_delay": time_constant,  # it has no delay beside that of the bus
             "coulomb": p.coulomb / p.stall_torque / full,
             "load_friction": p.load_friction,
             "pull": p.mass * p.parameters()["gravity"] * p.length / p.stall_torque / full,
