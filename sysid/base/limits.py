@@ -59,6 +59,8 @@ BY_NAME: Mapping[str, Span] = {
     "na": Span(0, ORDER),
     "nb": Span(0, ORDER),
     "nb2": Span(0, ORDER),
+    "nc": Span(0, ORDER),
+    "nd": Span(0, ORDER),
     "nf": Span(0, ORDER),
     "nf2": Span(0, ORDER),
     "nk": Span(0, DELAY),

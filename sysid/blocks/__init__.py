@@ -7,6 +7,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.block.block import Block, StaticBlock
 from sysid.blocks.bowed_gain import BowedGain
+from sysid.blocks.box_jenkins import BoxJenkins
 from sysid.blocks.channels import Channels
 from sysid.blocks.coasting_play import CoastingPlay
 from sysid.blocks.compliance import Compliance
@@ -24,6 +25,7 @@ from sysid.blocks.offset import Offset
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
+from sysid.blocks.predictor import Predictor
 from sysid.blocks.process import Process
 from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.quantiser import Quantiser
@@ -53,6 +55,7 @@ STATIC: dict[str, Callable[..., StaticBlock]] = {
 TABLE: dict[str, Callable[..., Block]] = {
     **STATIC,
     "bowed_gain": BowedGain,
+    "box_jenkins": BoxJenkins,
     "channels": Channels,
     "coasting_play": CoastingPlay,
     "compliance": Compliance,
@@ -92,6 +95,7 @@ __all__ = [
     "STATIC",
     "TABLE",
     "BowedGain",
+    "BoxJenkins",
     "Channels",
     "CoastingPlay",
     "Compliance",
@@ -109,6 +113,7 @@ __all__ = [
     "PiecewiseLinear",
     "Play",
     "Polynomial",
+    "Predictor",
     "Process",
     "ProfiledMotor",
     "Quantiser",

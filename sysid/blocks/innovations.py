@@ -6,15 +6,16 @@ from functools import cached_property
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.block.block import Law, Piecewise, Slot
-from sysid.block.symmetry import Symmetry, block_diagonal
+from sysid.block.block import Law, Slot
+from sysid.block.symmetry import block_diagonal
 from sysid.block.writing import Writer
+from sysid.blocks.predictor import Predictor
 from sysid.blocks.transfer_function import TransferFunction
 
 
 @checked(deferred=("nb", "nf", "nk"))
 @dataclass(frozen=True)
-class Innovations(TransferFunction):
+class Innovations(Predictor):
     """A y = B w + C e with white e: the f of A, as many c of C, and a full initial state, as in `TransferFunction`.
 
     Its free run is that of B/A, with poles anywhere. Its predictor C yhat = B w + (C - A) y is stable wherever the
@@ -22,7 +23,6 @@ class Innovations(TransferFunction):
     Kalman gain in observer form is c - f (Ljung, System Identification, 2nd ed. 1999, sections 4.2 and 4.3).
     """
 
-    predicts = True
     stability: str = "free"
 
     @cached_property
@@ -79,30 +79,8 @@ class Innovations(TransferFunction):
                 J[:, q + self.nb : q + self.nb + n] = -K[:, :n]
         return [yhat], Js
 
-    def ahead(self, theta: np.ndarray, x: np.ndarray, y: np.ndarray, horizon: int) -> np.ndarray:
-        """y(t | t-horizon) (N,) from w = x (N,) and the measured y (N,); the first samples from the initial state."""
-        _, f, x0 = self.split(theta)
-        one = self.predict_all(theta, [x], [np.empty((len(x), 0))], 0, y[:, None])[0][0]
-        forced = TransferFunction(self.nb, 0, self.nk, initial_state=False).output(theta[: self.nb], x)
-        forced[: len(x0)] += x0[: len(forced)]
-        e, c = y - one, theta[self.states.stop :]
-        known = [y] * max(self.nf, 1) + [one]  # the last entry: y(t | t-k), before it y(t | t-k+1) and so on
-        for k in range(2, horizon + 1):
-            terms = [-f[j - 1] * _later(known[-j], j) for j in range(1, self.nf + 1)]
-            noise = [c[j - 1] * _later(e, j) for j in range(k, self.nf + 1)]
-            known = [*known[1:], forced + sum(terms) + sum(noise)]
-        return known[-1]
-
-    def error_spread(self, theta: np.ndarray, horizon: int) -> np.ndarray:
-        """Deviations (horizon,) of the errors of predictions 1, 2, ... samples ahead for e of variance 1."""
-        from scipy.signal import lfilter  # half a second, which no help text waits for
-
-        f, c = self.split(theta)[1], theta[self.states.stop :]
-        first = np.eye(1, horizon)[0]
-        return np.asarray(np.sqrt(np.cumsum(lfilter([1.0, *c], [1.0, *f], first) ** 2)))
-
-    def piecewise(self, theta: np.ndarray, q: int, P: int) -> Piecewise | None:
-        return None  # a search needs predictions, which take the whole record
+    def noise(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.append(1.0, theta[self.states.stop :]), np.append(1.0, self.split(theta)[1])
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         C = w.sum([(1.0, ""), *((value, f"z^-{j}") for j, value in enumerate(theta[self.states.stop :], 1))])
@@ -112,20 +90,9 @@ class Innovations(TransferFunction):
         sizes = np.repeat([b[0] / a[0], 1.0, b[0], 1.0], [self.nb, self.nf, self.n_state, self.nf])
         return Law(self, np.diag(sizes))
 
-    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        """Only the gain can move: a shift of the input moves the prediction, which begins at measured outputs."""
-        scaling = np.zeros_like(theta)
-        scaling[: self.nb] = theta[: self.nb]
-        return [Symmetry(-scaling, in_scale=1.0)]
-
     def vary(self, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """The same plant with an estimator of other roots."""
         fresh = theta.copy()
         other = self._estimator.vary(self._of_estimator(theta), rng)
         fresh[self.states.stop :] = other[self.nb : self.nb + self.nf]
         return fresh
-
-
-def _later(x: np.ndarray, k: int) -> np.ndarray:
-    """x (N,) k samples later, with zeros before it."""
-    return np.concatenate([np.zeros(min(k, len(x))), x[: max(len(x) - k, 0)]])

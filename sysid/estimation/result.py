@@ -13,7 +13,7 @@ from sysid.base.criteria import Criteria, fit_percent
 from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import Innovations, Process, StateSpace
+from sysid.blocks import Predictor, Process, StateSpace
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
 from sysid.diagnosis.residuals import ResidualTests, residual_tests
@@ -320,7 +320,7 @@ class Fit(FitMethods):
     def _ahead(self, data: IOData, horizon: int, n_init: int | None) -> np.ndarray:
         """y(t | t-horizon) (N, 1) of a model that predicts, on one experiment at own level."""
         model, block = self.model, self.model.blocks[-1]
-        assert isinstance(block, Innovations)
+        assert isinstance(block, Predictor)
         check_complete(data)
         first = data.select(0, min(self.n_init if n_init is None else n_init, data.N))
         theta = initial_theta(model, self.theta, first) if first.N >= 2 else self.theta

@@ -250,6 +250,13 @@ def with_offset(blocks: Sequence[Block], ny: int, offset: str) -> tuple[Block, .
     return tuple(blocks) if offset == "none" or _hold_offset(blocks) else (*blocks, maps(Offset(), "offset", ny))
 
 
+def offset_of_input(offset: str) -> tuple[Block, ...]:
+    """The constant before a chain without maps if `offset` is "free", else nothing."""
+    if offset not in OFFSETS:
+        raise unknown("offset", offset, OFFSETS)
+    return (Offset(role="offset"),) if offset == "free" else ()
+
+
 def _hold_offset(blocks: Sequence[Block]) -> bool:
     """Whether a map holds any offset of each output: one that moves its output while its input stays.
 

@@ -4,6 +4,7 @@ from sysid.model.recipes import Recipe
 from sysid.structures.actuated_joint import ActuatedJoint, actuated_joint
 from sysid.structures.armax import Armax, armax
 from sysid.structures.arx import Arx, arx
+from sysid.structures.bj import BoxJenkins, bj
 from sysid.structures.coupled_drives import CoupledDrives, coupled_drives
 from sysid.structures.hammerstein import Hammerstein, hammerstein
 from sysid.structures.hammerstein_wiener import HammersteinWiener, hammerstein_wiener
@@ -20,6 +21,7 @@ TABLE: dict[str, type[Recipe]] = {
     "actuated_joint": ActuatedJoint,
     "armax": Armax,
     "arx": Arx,
+    "bj": BoxJenkins,
     "coupled_drives": CoupledDrives,
     "hammerstein": Hammerstein,
     "hammerstein_wiener": HammersteinWiener,
@@ -38,6 +40,7 @@ __all__ = [
     "ActuatedJoint",
     "Armax",
     "Arx",
+    "BoxJenkins",
     "CoupledDrives",
     "Hammerstein",
     "HammersteinWiener",
@@ -53,6 +56,7 @@ __all__ = [
     "actuated_joint",
     "armax",
     "arx",
+    "bj",
     "coupled_drives",
     "hammerstein",
     "hammerstein_wiener",

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.base.checks import checked
-from sysid.blocks import Innovations, Offset, static
+from sysid.blocks import Innovations, static
 from sysid.model.chain import Chain
-from sysid.model.recipes import OFFSETS, LinearOrders, Map, choice, static_map
+from sysid.model.recipes import OFFSETS, LinearOrders, Map, choice, offset_of_input, static_map
 
 
 @checked(deferred=("nb", "nf", "nk"))
@@ -20,7 +20,7 @@ def armax(
     by default. `offset` is "free" for a constant at the input, such as a load, where no map is there to hold it, or
     "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
-    before = (static(input, "input"),) if input is not None else (Offset(role="offset"),) if offset == "free" else ()
+    before = (static(input, "input"),) if input is not None else offset_of_input(offset)
     return Chain((*before, Innovations(nb, nf, nk, role="linear")), structure="armax", **limits)
 
 

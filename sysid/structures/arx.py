@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from sysid.base.checks import checked
-from sysid.blocks import Innovations, Offset
+from sysid.blocks import Innovations
 from sysid.model.chain import Chain
-from sysid.model.recipes import OFFSETS, LinearOrders, beside, choice
+from sysid.model.recipes import OFFSETS, LinearOrders, beside, choice, offset_of_input
 
 
 @checked(deferred=("nb", "nf", "nk"))
@@ -18,10 +18,9 @@ def arx(nb: int = 2, nf: int = 3, nk: int = 1, offset: str = "free", **limits: A
     is "free" for a constant at the input, or "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     block = Innovations(nb, nf, nk, role="linear")
-    before = (Offset(role="offset"),) if offset == "free" else ()
     plain = {f"linear.c{k}": 0.0 for k in range(1, nf + 1)}
     fixed = beside(plain, limits.pop("fixed", None))
-    return Chain((*before, block), structure="arx", fixed=fixed, **limits)
+    return Chain((*offset_of_input(offset), block), structure="arx", fixed=fixed, **limits)
 
 
 @checked

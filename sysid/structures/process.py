@@ -5,11 +5,11 @@ from itertools import product
 from typing import Any, ClassVar
 
 from sysid.base.checks import checked
-from sysid.base.errors import InputError, unknown
-from sysid.blocks import Offset, Process
+from sysid.base.errors import InputError
+from sysid.blocks import Process
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
-from sysid.model.recipes import OFFSETS, Recipe, choice, with_offset
+from sysid.model.recipes import OFFSETS, Recipe, choice, offset_of_input, with_offset
 
 _POLES = {"P0": (0, False), "P1": (1, False), "P2": (2, False), "P3": (3, False), "P2U": (0, True)}
 
@@ -52,10 +52,7 @@ def process(kind: str = "P1D", offset: str = "free", **limits: Any) -> Chain:
     block = _kind(kind)
     if not block.integrator:
         return Chain(with_offset([block], 1, offset), structure="process", **limits)
-    if offset not in OFFSETS:
-        raise unknown("offset", offset, OFFSETS)
-    before = (Offset(role="offset"),) if offset == "free" else ()
-    return Chain((*before, block), structure="process", **limits)
+    return Chain((*offset_of_input(offset), block), structure="process", **limits)
 
 
 @checked

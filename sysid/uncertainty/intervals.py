@@ -281,7 +281,7 @@ def is_cancelled(info: Information, block: TransferFunction, z: complex, level: 
     interval of finite length would hold the true one with no probability that can be stated (Fieller 1954, J. R. Stat.
     Soc. B 16; Gleser and Hwang 1987, Annals of Statistics 15). The residue is taken relative to the filter's impulse
     response, which makes it independent of the gauge. The pole is free where the residue is zero, so the quantile has
-    twice as many degrees of freedom as the residue. Of a block that predicts, the noise shows the pole too: its residue
+    twice as many degrees of freedom as the residue. Of an ARMAX block, the noise shows the pole too: its residue
     in C/A counts beside that in B/A, which is taken relative to B, since the response may grow.
     """
     rational = transfer(info.chain, info.theta, block)
@@ -289,7 +289,7 @@ def is_cancelled(info: Information, block: TransferFunction, z: complex, level: 
     if largest := float(np.abs(b).max(initial=0.0)):  # the answer has no unit, and squares of a tiny gain are no number
         b, db = b / largest, db / largest
     F, dF = rational.F[: block.nf + 1], rational.F_gradient[: block.nf + 1]
-    size, d_size = _norm(b, db) if block.predicts else _response_norm(b, db, F, dF)
+    size, d_size = _norm(b, db) if isinstance(block, Innovations) else _response_norm(b, db, F, dF)
     slope = complex(np.polyval(np.polyder(F), z))
     if size == 0.0 or slope == 0.0 or abs(z) <= _DELAY_MODULUS:
         return False

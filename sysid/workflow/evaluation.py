@@ -11,7 +11,7 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.poles import Motion, motion
 from sysid.block.block import StaticBlock
-from sysid.blocks import Channels, Innovations
+from sysid.blocks import Channels, Predictor
 from sysid.blocks.offset import is_offset
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import (
@@ -253,7 +253,7 @@ def _growth(fit: Fit, validation: IOData) -> Growing | None:
     rate = float(np.log(np.abs(fit.poles).max()))
     far = int(np.clip(round(1.0 / rate) if rate > 1.0 / _FAR else _FAR, 2, _FAR))
     (part, block), *_ = fit.model.dynamics
-    assert isinstance(block, Innovations)
+    assert isinstance(block, Predictor)
     spread = np.sqrt(fit.criteria.mse) * block.error_spread(fit.theta[part], far)
     horizon = max(1, int(np.sum(100.0 * (1.0 - spread / max(float(validation.y.std()), 1e-300)) >= POOR)))
     return Growing(horizon, fit.prediction_percent(validation, horizon=horizon))

@@ -5,6 +5,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.starts._start import Start, clip_to_bounds
+from sysid.estimation.starts.box_jenkins import BoxJenkinsStarts
 from sysid.estimation.starts.drives import Drives
 from sysid.estimation.starts.innovations import Predictors
 from sysid.estimation.starts.joint import Joint
@@ -21,6 +22,7 @@ from sysid.model.chain import Chain
 TABLE: dict[str, Start] = {
     "own_blocks": OwnBlocks(),
     "predictors": Predictors(),
+    "box_jenkins": BoxJenkinsStarts(),
     "drives": Drives(),
     "servo": Servo(),
     "staged_joint": StagedJoint(),
