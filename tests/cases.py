@@ -9,6 +9,7 @@ import sysid
 from sysid.blocks import (
     STATIC,
     BowedGain,
+    BoxJenkins,
     Channels,
     CoastingPlay,
     Compliance,
@@ -57,6 +58,9 @@ from sysid.structures import (
     Wiener,
     WienerHammerstein,
 )
+from sysid.structures import (
+    BoxJenkins as BoxJenkinsRecipe,
+)
 
 # A lag with a rate limit, in the way a user writes one.
 RATE_LIMITED = """
@@ -71,6 +75,10 @@ def step(s, x, p):
 # Block and parameters in the interior of its domain, for inputs in [-2, 2].
 BLOCKS = {
     "bowed_gain": (BowedGain(role="map"), np.array([0.4])),
+    "box_jenkins": (  # b, f, x0, c, d
+        BoxJenkins(nb=2, nf=2, nk=1, nc=1, nd=2, role="map"),
+        np.array([0.8, 0.5, -1.5, 0.6, 0.3, -0.4, 0.4, -0.9, 0.3]),
+    ),
     "channels": (
         Channels(maps=(Saturation(), Polynomial(degree=2)), role="map"),
         np.array([-1.1, 1.3, 0.3, 1.1, 0.4]),
@@ -271,6 +279,7 @@ STRUCTURES = {
     "actuated_joint": ActuatedJoint(driver_step=0.1, sensor_linearity=0.01, load="spring", stops="lower"),
     "armax": Armax(2, 2, 1, "saturation"),
     "arx": Arx(2, 2, 1),
+    "bj": BoxJenkinsRecipe(2, 2, 1, 1, 2),
     "coupled_drives": CoupledDrives(2, 2, 1),
     "hammerstein": Hammerstein(2, 2, 1, "saturation"),
     "hammerstein_wiener": HammersteinWiener(2, 2, 1, "saturation", "polynomial"),

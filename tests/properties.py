@@ -67,6 +67,7 @@ def drives(seed: int, N: int = 400) -> sysid.IOData:
 CASES: dict[str, tuple[Callable[[], object], Callable[[int], sysid.IOData]]] = {
     "armax": (lambda: S.armax(2, 2, 1), plant),
     "arx": (lambda: S.arx(2, 2, 1), plant),
+    "bj": (lambda: S.bj(2, 2, 1, 1, 1), plant),
     "coupled_drives": (lambda: S.coupled_drives(2, 2, 1), drives),
     "hammerstein": (lambda: S.hammerstein(2, 2, 1), partial(plant, before=True)),
     "hammerstein_wiener": (

@@ -31,6 +31,10 @@ class BoxJenkins(Predictor):
         if not all(isinstance(k, (int, np.integer)) and k >= 0 for k in (self.nc, self.nd)):
             raise InputError(f"orders nc, nd are {(self.nc, self.nd)}; give integers from 0 up")
 
+    @property
+    def orders(self) -> dict[str, int]:
+        return {**super().orders, "nc": self.nc, "nd": self.nd}
+
     @cached_property
     def plant(self) -> TransferFunction:
         """B/F with the initial state."""

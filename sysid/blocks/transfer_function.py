@@ -49,6 +49,11 @@ class TransferFunction(Block):
         """Positions of the initial state in theta, where it is a parameter."""
         return slice(self.nb + self.nf, self.nb + self.nf + self.n_state)
 
+    @property
+    def orders(self) -> dict[str, int]:
+        """Its orders by name, in the order in which people give them."""
+        return {"nb": self.nb, "nf": self.nf, "nk": self.nk}
+
     def slots(self) -> tuple[Slot, ...]:
         b = [Slot(f"b{i}") for i in range(self.nb)]
         f = [Slot(f"f{j + 1}") for j in range(self.nf)]

@@ -65,7 +65,7 @@ class Recipe(ABC):
     """Settings of one structure of one input and one output, or of several (`Several`); fields are made by `order`,
     `static_map`, `choice` and `number`, and command line, summary, report and structure search read them from here.
 
-    name: by which `sysid.structures.TABLE` has it. searched: whether structure search tries it, and rungs: the settings
+    name: by which `sysid.structures.TABLE` has it; called: what a text calls it instead. searched: whether structure search tries it, and rungs: the settings
     that it tries first; none means every order of the search space, with every combination of maps around the best
     linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
     record and of one setting. least_starts: of a search that must find its optimum. with_parts: whether it is
@@ -76,6 +76,7 @@ class Recipe(ABC):
     """
 
     name: ClassVar[str]
+    called: ClassVar[str] = ""
     searched: ClassVar[bool] = False
     rungs: ClassVar[tuple[dict[str, Any], ...]] = ()
     least_starts: ClassVar[int] = 1
@@ -162,7 +163,12 @@ class Recipe(ABC):
     def in_words(self, fit: Any = None) -> str:
         """Structure, orders and maps in one phrase; `fit` may add what the fit chose."""
         orders = ", ".join(f"{name} {value}" for name, value in self.orders.items())
-        return ", ".join([f"{self.name.replace('_', '-').title()} ({orders})", *self.maps_in_words()])
+        return ", ".join([f"{self.title()} ({orders})", *self.maps_in_words()])
+
+    @classmethod
+    def title(cls) -> str:
+        """The structure as a text calls it."""
+        return cls.called or cls.name.replace("_", "-").title()
 
     def maps_in_words(self) -> list[str]:
         """One phrase for each map that is named."""
@@ -170,7 +176,8 @@ class Recipe(ABC):
 
     def as_subject(self, fit: Any = None) -> str:
         """The same as the subject of a sentence."""
-        return f"A {self.in_words(fit)} model"
+        words = self.in_words(fit)
+        return f"{'An' if words[0] in 'AEIOU' else 'A'} {words} model"
 
     @classmethod
     def detrend(cls, asked: str | None = None) -> str:

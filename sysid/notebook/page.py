@@ -127,7 +127,8 @@ def structure_in_words(fit: Fit | NlarxFit) -> str:
     if isinstance(fit, NlarxFit):
         m = fit.model
         return f"NLARX (na {m.na}, nb {m.nb}, nk {m.nk}), wavelet network of {fit.network.units} units"
-    name = fit.model.structure.replace("_", "-").title()
+    structure = fit.model.structure
+    name = TABLE[structure].title() if structure in TABLE else structure.replace("_", "-").title()
     return ", ".join([f"{name}{orders(fit)}", *_other_blocks(fit)])
 
 
@@ -136,7 +137,11 @@ def orders(fit: Fit) -> str:
     filters = [b for b in fit.model.blocks if isinstance(b, TransferFunction)]
     if len(filters) != 1:
         return ""
-    return f" (nb {filters[0].nb}, nf {filters[0].nf}, nk {filters[0].nk})"
+    return f" ({_listed(filters[0])})"
+
+
+def _listed(block: TransferFunction) -> str:
+    return ", ".join(f"{name} {value}" for name, value in block.orders.items())
 
 
 def _other_blocks(fit: Fit) -> list[str]:
@@ -147,7 +152,7 @@ def _other_blocks(fit: Fit) -> list[str]:
         if isinstance(b, TransferMatrix):
             names.append(f"{b.channels[1]} x {b.channels[0]} transfer functions")
         elif isinstance(b, TransferFunction):
-            names += [f"{b.role} (nb {b.nb}, nf {b.nf}, nk {b.nk})"] if several else []
+            names += [f"{b.role} ({_listed(b)})"] if several else []
         else:
             kinds = dict.fromkeys(_kind(m) for m in b.maps) if isinstance(b, Channels) else [_kind(b)]
             role = b.role.replace("_", " ")

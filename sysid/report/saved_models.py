@@ -86,7 +86,7 @@ def _prediction_method(result: ModelRun) -> str:
             "predictions in place of the outputs that it must not know."
         )
     if fit.predicts:
-        return "An ARX or ARMAX model predicts by its own state estimator, from all measured outputs before."
+        return "The model predicts by its own noise model, from all measured outputs before."
     source = "this record, because the model's file holds none" if fit.noise is None else "the estimation data"
     return (
         "The model has no noise model of its own, so the prediction is the free run plus the forecast of its past "

@@ -30,14 +30,9 @@ class Armax(LinearOrders):
     """Settings of `armax`."""
 
     name: ClassVar[str] = "armax"
+    called: ClassVar[str] = "ARMAX"
     input_map: str | None = static_map("input map", "static map before the linear block")
     offset: str = choice("free", "offset of the input, a parameter where there is no input map", OFFSETS)
 
     def model(self) -> Chain:
         return armax(self.nb, self.nf, self.nk, self.input_map, self.offset)
-
-    def in_words(self, fit: Any = None) -> str:
-        return super().in_words(fit).replace("Armax", "ARMAX")
-
-    def as_subject(self, fit: Any = None) -> str:
-        return f"An {self.in_words(fit)} model"

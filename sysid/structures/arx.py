@@ -29,13 +29,8 @@ class Arx(LinearOrders):
     """Settings of `arx`."""
 
     name: ClassVar[str] = "arx"
+    called: ClassVar[str] = "ARX"
     offset: str = choice("free", "offset of the input of an ARX model", OFFSETS)
 
     def model(self) -> Chain:
         return arx(self.nb, self.nf, self.nk, self.offset)
-
-    def in_words(self, fit: Any = None) -> str:
-        return super().in_words(fit).replace("Arx", "ARX")
-
-    def as_subject(self, fit: Any = None) -> str:
-        return f"An {self.in_words(fit)} model"

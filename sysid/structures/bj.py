@@ -10,9 +10,7 @@ from sysid.model.recipes import OFFSETS, LinearOrders, choice, offset_of_input, 
 
 
 @checked(deferred=("nb", "nf", "nk", "nc", "nd"))
-def bj(
-    nb: int = 2, nf: int = 3, nk: int = 1, nc: int = 2, nd: int = 2, offset: str = "free", **limits: Any
-) -> Chain:
+def bj(nb: int = 2, nf: int = 3, nk: int = 1, nc: int = 2, nd: int = 2, offset: str = "free", **limits: Any) -> Chain:
     """y = B/F (u + offset) + C/D e: a stable plant in noise that is none of its own doing, such as drift or waves.
 
     F has nf coefficients, C nc and D nd. What is fitted is the prediction one step ahead, so that no colour of the
@@ -30,12 +28,10 @@ class BoxJenkins(LinearOrders):
     """Settings of `bj`."""
 
     name: ClassVar[str] = "bj"
+    called: ClassVar[str] = "Box-Jenkins"
     nc: int = order(2, "coefficients of C, the noise's zeros")
     nd: int = order(2, "coefficients of D, the noise's poles")
     offset: str = choice("free", "offset of the input of a Box-Jenkins model", OFFSETS)
 
     def model(self) -> Chain:
         return bj(self.nb, self.nf, self.nk, self.nc, self.nd, self.offset)
-
-    def in_words(self, fit: Any = None) -> str:
-        return super().in_words(fit).replace("Bj", "Box-Jenkins")

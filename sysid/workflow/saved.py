@@ -136,10 +136,7 @@ def orders(fit: AnyFit) -> dict[str, int]:
     """Orders by name, of the first linear block of a chain; none for a chain without one."""
     if isinstance(fit, NlarxFit):
         return {"na": fit.model.na, "nb": fit.model.nb, "nk": fit.model.nk, "units": fit.network.units}
-    if not fit.model.dynamics:
-        return {}
-    block = fit.model.dynamics[0][1]
-    return {"nb": block.nb, "nf": block.nf, "nk": block.nk}
+    return fit.model.dynamics[0][1].orders if fit.model.dynamics else {}
 
 
 def load_models(paths: list[str]) -> list[Saved]:

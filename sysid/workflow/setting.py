@@ -192,9 +192,9 @@ def settings_of(fit: Fit, kind: type[Recipe]) -> dict[str, Any]:
     """The settings of a recipe that a saved fit shows: of its own structure, else the orders of its filter."""
     chain, settings = fit.model, dict[str, Any]()
     orders = kind.of_kind("order")
-    if orders == ("nb", "nf", "nk") and chain.dynamics:
-        first = chain.dynamics[0][1]
-        settings = {"nb": first.nb, "nf": first.nf, "nk": first.nk}
+    shared = chain.dynamics[0][1].orders if chain.dynamics and "nf2" not in orders else {}
+    if set(shared) & set(orders) >= {"nb", "nf", "nk"}:
+        settings = {name: value for name, value in shared.items() if name in orders}
     if kind.name != chain.structure:
         return settings
     space = chain.blocks[0]

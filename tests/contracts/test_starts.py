@@ -11,6 +11,7 @@ from sysid.model.chain import Chain
 from sysid.structures import (
     actuated_joint,
     armax,
+    bj,
     coupled_drives,
     hammerstein_wiener,
     output_error,
@@ -23,6 +24,7 @@ from sysid.structures import (
 MADE_FOR = {
     "own_blocks": Chain((dynamic("def step(s, x, p):\n    return p.gain * x\n", {"gain": 1.0}),)),
     "predictors": armax(input="saturation"),
+    "box_jenkins": bj(),
     "drives": coupled_drives(),
     "servo": servo_joint(),
     "staged_joint": actuated_joint(motor=Motor(load=3, stribeck=True), play=CoastingPlay()),

@@ -305,7 +305,7 @@ def script(model: Model, data: Data, log: Path) -> str:
     call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
     if recipe.with_parts:
         call = f"sysid.fit_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    predicts = model.setting.structure in ("armax", "arx", "nlarx")  # their criteria are not those of a free run
+    predicts = model.setting.structure in ("armax", "arx", "bj", "nlarx")  # their criteria are not those of a free run
     initial_samples, start = ("None", "fit.n_init") if predicts else ("estimation.N", "0")
     lines = [
         '"""A model that was fitted in qpal app, fitted again: python THIS_FILE [LOG]"""',
