@@ -6,6 +6,7 @@ from dataclasses import replace
 from sysid.base.checks import checked
 from sysid.base.errors import unknown
 from sysid.block.block import Block, StaticBlock
+from sysid.blocks._predictor import Predictor
 from sysid.blocks.bowed_gain import BowedGain
 from sysid.blocks.box_jenkins import BoxJenkins
 from sysid.blocks.channels import Channels
@@ -25,7 +26,6 @@ from sysid.blocks.offset import Offset
 from sysid.blocks.piecewise_linear import PiecewiseLinear
 from sysid.blocks.play import Play
 from sysid.blocks.polynomial import Polynomial
-from sysid.blocks.predictor import Predictor
 from sysid.blocks.process import Process
 from sysid.blocks.profiled_motor import ProfiledMotor
 from sysid.blocks.quantiser import Quantiser

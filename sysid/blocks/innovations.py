@@ -9,7 +9,7 @@ from sysid.base.checks import checked
 from sysid.block.block import Law, Slot
 from sysid.block.symmetry import block_diagonal
 from sysid.block.writing import Writer
-from sysid.blocks.predictor import Predictor
+from sysid.blocks._predictor import Predictor
 from sysid.blocks.transfer_function import TransferFunction
 
 

@@ -65,14 +65,14 @@ class Recipe(ABC):
     """Settings of one structure of one input and one output, or of several (`Several`); fields are made by `order`,
     `static_map`, `choice` and `number`, and command line, summary, report and structure search read them from here.
 
-    name: by which `sysid.structures.TABLE` has it; called: what a text calls it instead. searched: whether structure search tries it, and rungs: the settings
-    that it tries first; none means every order of the search space, with every combination of maps around the best
-    linear orders, and the defaults where the orders are not nb, nf, nk. `ladder` and `neighbours` say the same of a
-    record and of one setting. least_starts: of a search that must find its optimum. with_parts: whether it is
-    fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means. zero: what of its record
-    counts from zero, so that no means may be removed. moves: whether its output is the place of what a voltage moves,
-    so that the command integrates a speed. Raises InputError for settings that give no model, before any
-    work.
+    name: by which `sysid.structures.TABLE` has it; called: what a text calls it instead. searched: whether structure
+    search tries it, and rungs: the settings that it tries first; none means every order of the search space, with every
+    combination of maps around the best linear orders, and the defaults where the orders are not nb, nf, nk. `ladder`
+    and `neighbours` say the same of a record and of one setting. least_starts: of a search that must find its optimum.
+    with_parts: whether it is fitted by `sysid.fit_joint` instead of `sysid.fit`. auto: the search that "auto" means.
+    zero: what of its record counts from zero, so that no means may be removed. moves: whether its output is the place
+    of what a voltage moves, so that the command integrates a speed. Raises InputError for settings that give no model,
+    before any work.
     """
 
     name: ClassVar[str]

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 class Row:
     """One fit on the record. The free run uses u and only the first output samples, which are not scored.
 
-    rmse in the unit of y. `one_step` is the one-step fit [%] of models that predict (ARX, ARMAX, Box-Jenkins, nonlinear ARX), None
-    for others: never compare it with a free run. `criteria` belong to the estimation record, d counts parameters after
-    the gauge.
+    rmse in the unit of y. `one_step` is the one-step fit [%] of models that predict (ARX, ARMAX, BJ, nonlinear ARX),
+    None for others: never compare it with a free run. `criteria` belong to the estimation record, d counts parameters
+    after the gauge.
     """
 
     rank: int

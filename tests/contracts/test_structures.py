@@ -52,8 +52,8 @@ def test_every_setting_is_described_and_an_option_of_identify(name):
 
 @pytest.mark.parametrize("name", sorted(TABLE))
 def test_the_command_line_gives_every_setting_to_its_recipe(name):
-    """Orders of 4, 5, 6 in the order in which the structure names them; every other setting as in the cases."""
-    orders = dict(zip(STRUCTURES[name].orders, (4, 5, 6), strict=False))
+    """Orders of 4, 5, 6, ... in the order in which the structure names them; every other setting as in the cases."""
+    orders = dict(zip(STRUCTURES[name].orders, range(4, 9), strict=False))
     text = {"orders": ",".join(map(str, orders.values()))} if orders else {}
     found = recipe(name, {**STRUCTURES[name].as_dict(), **text})
     assert type(found) is TABLE[name]

@@ -30,7 +30,7 @@ def roots(rng, n):
 
 
 def drawn(seed):
-    """A chain, its true theta and a record: 300 to 3000 samples, signal to noise 5 to 40 dB, a constant at the input."""
+    """A chain, its true theta and a record: 300 to 3000 samples, noise of -5 to -40 dB, a constant at the input."""
     rng = np.random.default_rng([39, seed])
     nb, nf, nk = rng.integers(1, 4), rng.integers(1, 4), rng.integers(0, 4)
     nc, nd = rng.integers(0, 3), rng.integers(0, 3)
@@ -137,7 +137,7 @@ def test_a_record_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert summary["poles"][0]["re"] == pytest.approx(0.75, abs=0.01)
     assert main(["run", "run/model.json", "log.csv", "--ts", "0.1", "--horizon", "3"]) == 0
     told = capsys.readouterr().out
-    assert "3 samples ahead" in told
+    assert "Predicted 3 sample(s) ahead from measured outputs" in told
     assert main(["identify", "log.csv", "--ts", "0.1", "--structure", "bj", "--from", "run/model.json", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["setting"]["orders"] == summary["setting"]["orders"]
     assert BoxJenkins(2, 2, 1).as_subject() == "A Box-Jenkins (nb 2, nf 2, nk 1, nc 2, nd 2) model"
