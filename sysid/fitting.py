@@ -9,8 +9,10 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.data.frequency import FrequencyData
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
+from sysid.estimation.frequency_fit import ResponseFit, fit_response
 from sysid.estimation.objective import Objective
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
@@ -47,13 +49,17 @@ def fit(model: Nlarx, data: IOData, *args: Any, **kwargs: Any) -> NlarxFit: ...
 
 
 @overload
+def fit(model: Chain, data: FrequencyData, *args: Any, **kwargs: Any) -> ResponseFit: ...
+
+
+@overload
 def fit(model: Chain, data: IOData, *args: Any, **kwargs: Any) -> Fit: ...
 
 
 @checked(deferred=("start",))
 def fit(
     model: Chain | Nlarx,
-    data: IOData,
+    data: IOData | FrequencyData,
     search: str = "auto",
     starts: int | str = "auto",
     seed: int = 0,
@@ -61,7 +67,7 @@ def fit(
     start: "np.ndarray | Fit | None" = None,
     objective: Objective | None = None,
     progress: Callable[[str], None] | None = None,
-) -> Fit | NlarxFit:
+) -> Fit | NlarxFit | ResponseFit:
     """Fit a chain to a record of one or several merged experiments by least squares on its free-run output.
 
     search: a name of `sysid.solver.searches.TABLE`; starts: "auto", which goes on until two independent starts agree
@@ -70,7 +76,13 @@ def fit(
     weights, and the curvature weight that prevents kinks of free maps without data (on by default: `Objective`). Equal
     seeds give equal numbers for any number of threads. Raises InputError for a record that is too short, has other
     channels than the model, or has a constant input or output. For an Nlarx, `sysid.fit_nlarx` does the fit.
+    `sysid.data.frequency_data` takes a frequency response in place of a record; a `process` is fitted to it, or with a
+    sampling time an `output_error`, by the squares of the complex errors.
     """
+    if isinstance(data, FrequencyData):
+        if isinstance(model, Nlarx) or objective is not None:
+            raise InputError("frequency data are fitted by process and output_error, and without an objective")
+        return fit_response(model, data, search, options, start)
     if isinstance(model, Nlarx):
         if start is not None or objective is not None:
             raise InputError("a nonlinear ARX model takes no start and no objective; leave them out or see fit_nlarx")

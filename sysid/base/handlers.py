@@ -19,6 +19,7 @@ MODULES = {
     "Comparison": "results",
     "ResidualTests": "results",
     "Modes": "results",
+    "ResponseFit": "frequency",
 }
 
 

@@ -54,7 +54,8 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
     columns = min(max(figure.columns, max((len(p.views) for p in figure.panels), default=1)), max(len(shown), 1))
     rows = -(-len(shown) // columns)
     sharex = figure.shared and rows > 1
-    found = style.panels(axes, rows, columns, figure.height, sharex, _heights(figure, rows), len(shown))
+    heights = _heights(figure, rows)
+    found = style.panels(axes, rows, columns, figure.height, sharex, heights, len(shown))
     for k, (ax, (panel, view)) in enumerate(zip(found, shown, strict=True)):
         for item in [*panel.items, *(mark if k == 0 else replace(mark, label="") for mark in figure.marks)]:
             _DRAW[type(item)](ax, item)
@@ -64,7 +65,7 @@ def draw(figure: Figure, axes: Axes | Sequence[Axes] | None = None) -> list[Axes
         if not figure.shared or k >= len(shown) - columns:
             ax.set_xlabel(panel.x.label)
         if k % columns == 0 or len(figure.panels) > 1:
-            ax.set_ylabel(_wrapped(panel.y.label, figure.height / rows))
+            ax.set_ylabel(_wrapped(panel.y.label, figure.height * heights[k // columns] / sum(heights)))
         _set_axes(ax, panel, view)
         if figure.legend == "panels" and ax.get_legend_handles_labels()[0]:
             style.legend(ax)

@@ -11,6 +11,7 @@ from typing import Any
 
 from sysid.plots.comparison import comparison
 from sysid.plots.free_runs import Run, close_ups, fitted, free_run, free_runs, simulated
+from sysid.plots.frequency import response_fit
 from sysid.plots.pole_zero import pole_zero, pole_zero_map
 from sysid.plots.records import parts, record
 from sysid.plots.residual_tests import higher_order_tests, residual_tests
@@ -32,6 +33,7 @@ TABLE: dict[str, Callable[..., Any]] = {
     "pole_zero_map": pole_zero_map,
     "record": record,
     "residual_tests": residual_tests,
+    "response_fit": response_fit,
     "simulated": simulated,
     "static_curve": static_curve,
     "static_maps": static_maps,
@@ -56,6 +58,7 @@ __all__ = [
     "pole_zero_map",
     "record",
     "residual_tests",
+    "response_fit",
     "simulated",
     "static_curve",
     "static_maps",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,8 +78,6 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
     magnitude, phase = response.magnitude, response.phase
     # A band that is wide at the edge of what was excited must not squeeze the curve into a line.
     size = magnitude.value[magnitude.value > 0] * gain.factor
-    low, high = float(phase.value.min()), float(phase.value.max())
-    air = 0.2 * (high - low) + 10.0
     y = Axis(gain.label, gain.name, gain.unit, log=True, limits=(0.3 * float(size.min()), 3.0 * float(size.max())))
     x = Axis("frequency [rad/s]", log=True)
     estimated = isinstance(response, Spectrum)
@@ -89,7 +88,7 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
         Panel(curve_items(magnitude, curve, 1.0, gain.factor), y, x, title, 1.3, in_small(magnitude.note)),
         Panel(
             curve_items(phase, curve, 1.0, 1.0, key=False),
-            Axis.of(Quantity("phase", "deg"), (low - air, high + air)),
+            phase_axis(phase.value),
             x,
             note=in_small(phase.note),
         ),
@@ -98,6 +97,16 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
         line = Line(magnitude.x, response.coherence, "coherence", key=False)
         panels.append(Panel([line], Axis.of(Quantity("coherence", ""), (0.0, 1.05)), x))
     return Figure(panels, height=5.2, said=note_sentences("all of the response", magnitude.note))
+
+
+def phase_axis(degrees: np.ndarray) -> Axis:
+    """The axis of a phase [deg], in parts of a turn: a band that is wide somewhere does not squeeze the curve."""
+    low, high = float(degrees.min()), float(degrees.max())
+    air = 0.2 * (high - low) + 10.0
+    low, high = low - air, high + air
+    step = next((each for each in (15, 30, 45, 90, 180) if high - low <= 6 * each), 360 * np.ceil((high - low) / 2160))
+    ticks = np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step
+    return replace(Axis.of(Quantity("phase", "deg"), (low, high)), ticks=ticks.tolist())
 
 
 def curve_items(

@@ -1,11 +1,14 @@
 """Responses of a fit's tangent with bands: step, impulse, frequency response. All are independent of the gauge."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri, stdtrit
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.estimation.frequency_fit import ResponseFit
 from sysid.model.tangents import Rational, tangent
 from sysid.uncertainty.information import Information
 from sysid.uncertainty.intervals import Band, band
@@ -52,15 +55,43 @@ def frequency(info: Information, u: float = 0.0, w: np.ndarray | None = None, le
             'not zero, in fit.plot with at=, for example fit.plot(data, "bode", at=u)'
         )
     value = B / F
-    d_log = dB / B[:, None] - dF / F[:, None]
+    return _in_parts(value, dB / B[:, None] - dF / F[:, None], lambda x, d: band(info, w, x, d, level))
+
+
+@checked
+def of_response_fit(result: ResponseFit, w: np.ndarray | None = None, level: float = 0.95) -> FrequencyResponse:
+    """The model's frequency response after a fit to one, by default over the range of the data."""
+    data, covariance = result.data, result.fit.covariance
+    w = np.geomspace(data.w[0], data.w[-1], 300) if w is None else np.asarray(w, dtype=float)
+    value, gradient = result.response(w)
+    factor = normal_quantile(result, level)
+
+    def band_of(x: np.ndarray, d: np.ndarray) -> Band:
+        std = np.sqrt(np.maximum(np.sum((d @ covariance.cov) * d, axis=1), 0.0))
+        return Band(w, x, std, x - factor * std, x + factor * std, level)
+
+    return _in_parts(value, gradient / value[:, None], band_of)
+
+
+def normal_quantile(result: ResponseFit, level: float) -> float:
+    """Half widths of intervals in standard deviations: by Student where the errors themselves tell their size."""
+    freedom = max(result.fit.criteria.N - result.fit.criteria.d, 1)
+    known = result.data.std is not None and result.data.absolute
+    return float(ndtri(0.5 + 0.5 * level) if known else stdtrit(freedom, 0.5 + 0.5 * level))
+
+
+def _in_parts(
+    value: np.ndarray, d_log: np.ndarray, band_of: Callable[[np.ndarray, np.ndarray], Band]
+) -> FrequencyResponse:
+    """Magnitude and phase of value (n,), complex, whose logarithm has the gradient d_log (n, P)."""
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
     # A band of log |G| stays positive when it is transformed back.
-    log = band(info, w, np.log(size), d_log.real, level)
+    log = band_of(np.log(size), d_log.real)
     # A bound that far out bounds nothing, and in other units it is more than a number holds.
     with np.errstate(over="ignore"):
         low, high = np.exp(log.lower), np.where(log.upper < np.log(size) + _OPEN, np.exp(log.upper), np.inf)
-    magnitude = Band(w, size, size * log.std, low, high, level, log.note)
-    return FrequencyResponse(magnitude, band(info, w, angle, np.degrees(d_log.imag), level))
+    magnitude = Band(log.x, size, size * log.std, low, high, log.level, log.note)
+    return FrequencyResponse(magnitude, band_of(angle, np.degrees(d_log.imag)))
 
 
 def _evaluate(p: np.ndarray, dp: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

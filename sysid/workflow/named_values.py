@@ -1,6 +1,7 @@
 """Values of a model whose parameters engineers name, such as a gain or a time constant, with intervals."""
 
 from sysid.base.errors import InputError
+from sysid.data.frequency import FrequencyData
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.values import JointValue
@@ -22,7 +23,7 @@ def named_values(fit: Fit, data: IOData, level: float = 0.95) -> tuple[JointValu
         found, why = {}, str(error)
     values = []
     for name, slot in named:
-        value, unit = float(fit.theta[fit.model.names.index(name)]), _unit(slot.unit, data)
+        value, unit = float(fit.theta[fit.model.names.index(name)]), unit_of(slot.unit, data)
         if name in fit.model.fixed:
             values.append(JointValue(slot.words, value, value, value, unit))
         elif name in found and found[name].note == "":
@@ -33,7 +34,7 @@ def named_values(fit: Fit, data: IOData, level: float = 0.95) -> tuple[JointValu
     return tuple(values)
 
 
-def _unit(unit: str, data: IOData) -> str:
+def unit_of(unit: str, data: IOData | FrequencyData) -> str:
     """The unit of a slot with those of the record in place of Y and U; empty where the record names none."""
     if not unit.startswith("Y/U"):
         return unit

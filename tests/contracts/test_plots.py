@@ -9,12 +9,14 @@ import pytest
 
 import sysid
 from sysid import plots
+from sysid.data import frequency_data
 from sysid.data.preprocess import detrend
 from sysid.diagnosis.residuals import higher_order_tests
 from sysid.drawing.plotly import plotly
 from sysid.plots.residual_tests import residuals_figure
 from sysid.plots.static_maps import maps_figure
 from sysid.report.verdict import left_in_words
+from sysid.structures import process
 from sysid.systems import system
 from sysid.uncertainty import bands, curves, intervals, responses
 from sysid.uncertainty.information import UNEXCITED
@@ -175,6 +177,11 @@ def test_an_axes_of_ones_own_is_used(case):
     assert own.get_xlabel() == "u [V]"
 
 
+def response_fit():
+    w = np.geomspace(0.1, 10.0, 12)
+    return sysid.fit(process("P1"), frequency_data(w, 2.0 / (1.0 + 1j * w) + 0.01 * np.exp(1j * w**2)))
+
+
 def drawings(case):
     """What each kind of figure is given here, and how many panels that makes."""
     data, fit, info = case
@@ -198,6 +205,7 @@ def drawings(case):
         "pole_zero_map": ((np.array([0.97]), ()), 2),
         "record": ((data,), 2),
         "residual_tests": ((fit.residual_tests(data),), 2),
+        "response_fit": ((response_fit(),), 3),
         "simulated": ((bands.linear(info), data), 1),
         "static_curve": ((maps[0],), 1),
         "static_maps": ((maps,), len(maps)),

@@ -16,6 +16,7 @@ from twin.cli import console, options, recipes
 from twin.cli.output import run_folder
 
 if TYPE_CHECKING:
+    from sysid.data.frequency import FrequencyData
     from sysid.workflow.identification import Auto
     from sysid.workflow.setting import Held, Setting
 
@@ -99,9 +100,21 @@ def identify(
 
     Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
     """
+    response = _frequency_data(files, ts)
+    if response is not None:
+        of_records = (
+            {"input": input, "output": output, "time": time, "time-unit": time_unit, "map": map, "range": range}
+            | {"validation": validation, "resample": resample, "filter": filter, "split": split, "detrend": detrend}
+            | {"zero": zero, "starts": starts, "resume": resume, "seconds": seconds, "scheduler": scheduler}
+        )
+        _refuse_options_of_records(files, of_records)
+        structure = structure or "process"
     constraints = _constraints(fix or (), bound or (), start)
     steps = (search, starts, options.seed(seed), knots)
     setting = _setting(structure, settings, steps, constraints, resume, seconds, scheduler)
+    if response is not None:
+        _identify_response(files[0], response, setting, out, as_json)
+        return
     from sysid.data.preparation import Preparation
     from sysid.report import identify as report
     from sysid.report.page import write
@@ -147,6 +160,40 @@ def identify(
         write(scratch, page, result.as_dict())
     tables, sentences = report.terminal_tables(result), report.terminal_sentences(result)
     console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)
+
+
+def _frequency_data(files: Sequence[str], ts: float | None) -> "FrequencyData | None":
+    """The frequency response in the first file, None for records; raises InputError for more files than that one."""
+    from sysid.workflow.frequency import read_frequency
+
+    data = read_frequency(files[0], ts)
+    if data is not None and len(files) > 1:
+        raise InputError(f"{files[0]} holds a frequency response, and {len(files)} files are given; give one")
+    return data
+
+
+def _refuse_options_of_records(files: Sequence[str], given: dict[str, Any]) -> None:
+    """Raises InputError for options that a frequency response has no use for."""
+    if named := [f"--{name}" for name, value in given.items() if value is not None]:
+        what = "is an option of records" if len(named) == 1 else "are options of records"
+        raise InputError(f"{files[0]} holds a frequency response, and {', '.join(named)} {what}; leave that out")
+
+
+def _identify_response(file: str, data: "FrequencyData", setting: Any, out: str | None, as_json: bool) -> None:
+    """Fit a frequency response and write its report."""
+    from sysid.report import frequency as report
+    from sysid.report.page import write
+    from sysid.workflow.frequency import identify_frequency
+    from sysid.workflow.saved import MODEL_FILE
+
+    with run_folder(out, "identify") as (folder, scratch), console.progress(2, (0.7, 0.3), not as_json) as step:
+        step("fitting")
+        result = identify_frequency(file, data, setting)
+        step("drawing")
+        result.result.fit.save(scratch / MODEL_FILE[0])
+        page = report.page(result, [MODEL_FILE], shlex.quote(str(folder / MODEL_FILE[0])))
+        write(scratch, page, result.as_dict())
+    console.finish(folder, result.as_dict(), as_json, [], report.sentences(result), page.answer)
 
 
 def _detrend(detrend: str | None, zero: str | None) -> str | None:

@@ -1,0 +1,106 @@
+"""A table of a frequency response: what makes it one, its columns by their names, and what it lacks."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sysid.base.errors import InputError
+from sysid.channels.clock import is_named_clock
+from sysid.channels.column import Column, numeric_columns, words
+from sysid.data.frequency import FrequencyData, frequency_data
+from sysid.data.table import Table
+
+_NAMES = {
+    "frequency": words("frequency freq frequenz omega f w"),
+    "magnitude": words("magnitude mag gain amplitude modulus abs betrag verstärkung"),
+    "phase": words("phase angle arg phi"),
+    "real": words("real re"),
+    "imaginary": words("imaginary imag im"),
+    "coherence": words("coherence coh kohärenz"),
+    "std": words("std sigma deviation"),
+}
+_HERTZ = {"hz": 2.0 * np.pi, "khz": 2e3 * np.pi, "mhz": 2e-3 * np.pi, "rad/s": 1.0, "rad": 1.0, "rad_s": 1.0}
+_TURN = {"deg": np.pi / 180.0, "°": np.pi / 180.0, "degrees": np.pi / 180.0, "degree": np.pi / 180.0, "rad": 1.0}
+_HOW = (
+    "frequency data have a column frequency [Hz] or [rad/s], and magnitude [dB] or [abs] with phase [deg] or [rad], or "
+    "real and imag; beside them coherence, or std, the deviation of real and imaginary part"
+)
+
+
+def frequency_of(table: Table, Ts: float | None = None) -> FrequencyData | None:
+    """The frequency response in a table; None of one that is none: without rising frequencies, or with a clock.
+
+    Raises InputError for one that lacks something, in a sentence that names the file.
+    """
+    columns = numeric_columns(table)
+    found = _by_name(list(columns.values()))
+    others = [kind for kind in ("magnitude", "phase", "real", "imaginary") if kind in found]
+    frequency = found.get("frequency")
+    if frequency is None or not others or any(is_named_clock(c.header) for c in columns.values()):
+        return None
+    steps = np.diff(frequency.values)
+    if not _unit(frequency, _HERTZ) and not frequency.header.has(words("frequency freq frequenz omega")):
+        return None  # a force f or a speed w
+    if not len(steps) or not (np.all(steps > 0.0) or np.all(steps < 0.0)) or np.any(frequency.values < 0.0):
+        return None
+    try:
+        return _response(found, Ts)
+    except InputError as error:
+        raise InputError(f"{table.path} seems to be a frequency response; {error}") from None
+
+
+def _by_name(columns: Sequence[Column]) -> dict[str, Column]:
+    """The first column of each kind; "phase of real" is none of the second."""
+    found: dict[str, Column] = {}
+    for column in columns:
+        kinds = [kind for kind, names in _NAMES.items() if column.header.has(names)]
+        if len(kinds) > 1 and "frequency" in kinds:  # f_re
+            kinds.remove("frequency")
+        if kinds and kinds[0] not in found:
+            found[kinds[0]] = column
+    return found
+
+
+def _unit(column: Column, units: dict[str, float]) -> float:
+    """What the values of a column are to be multiplied with, by the unit in its name; 0 without one."""
+    texts = (column.header.unit.strip().lower(), *sorted(column.header.words))
+    return next((units[text] for text in texts if text in units), 0.0)
+
+
+def _response(found: dict[str, Column], Ts: float | None) -> FrequencyData:
+    factor, column = _unit(found["frequency"], _HERTZ), found["frequency"]
+    if not factor:
+        raise InputError(f"column {column.name!r} has no unit; write it behind the name, [Hz] or [rad/s]")
+    if "real" in found and "imaginary" in found:
+        response = found["real"].values + 1j * found["imaginary"].values
+        unit = found["real"].header.unit
+    elif "magnitude" in found and "phase" in found:
+        size, unit = _magnitude(found["magnitude"])
+        turn = _unit(found["phase"], _TURN)
+        if not turn:
+            raise InputError(f"column {found['phase'].name!r} has no unit; write it behind the name, [deg] or [rad]")
+        response = size * np.exp(1j * turn * found["phase"].values)
+    else:
+        missing = {"magnitude": "phase", "phase": "magnitude", "real": "imag", "imaginary": "real"}
+        lacks = next(other for kind, other in missing.items() if kind in found)
+        raise InputError(f"it has no column {lacks}; {_HOW}")
+    w = factor * column.values
+    keep = (w > 0.0) & np.isfinite(response)  # at 0 an integrator has no response, and its phase says nothing
+    std = found["std"].values[keep] if "std" in found else None
+    coherence = found["coherence"].values[keep] if "coherence" in found and std is None else None
+    y_unit, _, u_unit = unit.partition("/")
+    return frequency_data(w[keep], response[keep], std, coherence, Ts=Ts, y_unit=y_unit, u_unit=u_unit)
+
+
+def _magnitude(column: Column) -> tuple[np.ndarray, str]:
+    """The size of the response (n,), and its unit Y/U where the name has it."""
+    unit, values = column.header.unit.strip(), column.values
+    if unit.lower() == "db" or column.header.has({"db"}):
+        return 10.0 ** (values / 20.0), ""
+    if not unit and not column.header.has(words("abs modulus betrag")):
+        raise InputError(f"column {column.name!r} has no unit; write it behind the name, [dB], [abs] or that of y/u")
+    if np.any(values < 0.0):
+        raise InputError(
+            f"column {column.name!r} has values below 0, which no magnitude has; if it is in dB, write [dB]"
+        )
+    return values, "" if unit.lower() in ("abs", "1", "-", "lin", "linear") else unit
