@@ -12,7 +12,7 @@ import sysid
 from twin.cli import main
 
 PAGE = (Path(__file__).parents[2] / "docs" / "identify.md").read_text(encoding="utf-8")
-RECORDS, PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.DOTALL | re.MULTILINE)
+RECORDS, FREQUENCY, PYTHON = re.findall(r"^```python\n(.*?)^```", PAGE, flags=re.DOTALL | re.MULTILINE)
 COMMANDS = re.findall(r"^qpal (identify .*)$", PAGE, flags=re.MULTILINE)
 
 
@@ -32,7 +32,7 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
         out = [] if "--out" in words else ["--out", f"run{k}"]
         assert main([*words, *out, "--json"]) == 0, capsys.readouterr().err
         found.append(json.loads(capsys.readouterr().out))
-    files, channels, part, known, linear, wiener, held, oven, oven_held, loop = found
+    files, channels, part, known, linear, wiener, held, oven, oven_held, frd, loop, bj = found
     np.testing.assert_allclose(sorted(pole["re"] for pole in files["poles"]), [0.6, 0.9], atol=0.02)
     assert files["read"]["validation"]["file"] == "friday.csv"
     fits = channels["fit_percent"]["outputs"]
@@ -49,6 +49,9 @@ def test_every_command_runs_and_says_what_the_page_says(folder, capsys):
     for name, true in (("gain", 2.5), ("time constant T1", 120.0), ("delay", 8.0)):
         assert values[name]["low"] < true < values[name]["high"]
     assert next(v["value"] for v in oven_held["values"] if v["name"] == "delay") == 8.0
+    for value, true in zip(frd["values"], (2.0, 3.0, 0.5, 0.7), strict=True):
+        assert value["low"] < true < value["high"]
+    np.testing.assert_allclose(sorted(pole["re"] for pole in bj["poles"]), [0.6, 0.9], atol=0.02)
     assert loop["poles"][0]["re"] == pytest.approx(1.05, abs=0.01)
     low, high = loop["poles"][0]["intervals"]["real"]
     assert low < 1.05 < high
@@ -65,3 +68,10 @@ def test_the_python_does_the_same(folder, capsys):
     said = capsys.readouterr().out.splitlines()
     assert len(said) == 4
     assert said[0] == "data = sysid.data.preparation.between(data, 1.0, 20.0)"
+
+
+def test_a_frequency_response_is_fitted_in_python_too(folder, capsys):
+    names = {}
+    exec(FREQUENCY, names)
+    assert "60 frequencies, 0.01 to 10 rad/s" in capsys.readouterr().out
+    assert sysid.load("model.json").theta == pytest.approx(names["result"].fit.theta)
