@@ -88,10 +88,16 @@ def _draw_sides(ax: Axes, at: float, sides: tuple[str, str]) -> None:
 
 
 def _wrapped(label: str, height: float) -> str:
-    """A label beside axes of a `height` [inch]; a unit stands below the name where both are longer than the axes."""
+    """A label beside axes of a `height` [inch], in lines that are no longer: two of the name, then the unit."""
     letters = max(int((height - 0.5) / LETTER), 8)
-    name, unit = label[: label.rfind(" [")], label[label.rfind(" [") + 1 :]
-    return label if len(label) <= letters or not name else "\n".join([name, *wrap(unit, letters)])
+    if len(label) <= letters:
+        return label
+    name, bracket, unit = label.rpartition(" [")
+    lines = wrap(name, letters, max_lines=2, placeholder=" …", break_long_words=False)
+    unit = f"{bracket}{unit}".strip()
+    if lines and len(lines[-1]) + len(unit) < letters:
+        return "\n".join([*lines[:-1], f"{lines[-1]} {unit}"])
+    return "\n".join([*lines, *wrap(unit, letters, break_long_words=False)])
 
 
 def _heights(figure: Figure, rows: int) -> list[float]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sysid.base import style
 from sysid.base.checks import checked
 from sysid.base.quantities import Quantity, capital, display_quantity
 from sysid.drawing.axes import draw
@@ -40,13 +41,17 @@ def impulse(
 
 @checked(deferred=("axes",))
 def bode(
-    response: FrequencyResponse, axes: Sequence[Axes] | None = None, y_unit: str = "", u_unit: str = ""
+    response: FrequencyResponse,
+    axes: Sequence[Axes] | None = None,
+    y_unit: str = "",
+    u_unit: str = "",
+    model: FrequencyResponse | None = None,
 ) -> list[Axes]:
-    """Magnitude and phase of the tangent, or of a `sysid.spectrum` with its coherence below.
+    """Magnitude and phase of the tangent, or of a `sysid.spectrum` with its coherence below; a `model` beside it.
 
     The band is wide at frequencies where the record has little power.
     """
-    return draw(bode_figure(response, y_unit, u_unit), axes)
+    return draw(bode_figure(response, y_unit, u_unit, model), axes)
 
 
 @checked(deferred=("axes",))
@@ -72,7 +77,9 @@ def _time_figure(band: intervals.Band, event: str, title: str, y_unit: str, u_un
     return Figure([panel], said=note_sentences("all of the response", band.note))
 
 
-def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "") -> Figure:
+def bode_figure(
+    response: FrequencyResponse, y_unit: str = "", u_unit: str = "", model: FrequencyResponse | None = None
+) -> Figure:
     """Magnitude over phase [deg] against the frequency [rad/s]."""
     gain = display_quantity("magnitude", y_unit).per(display_quantity("", u_unit))
     magnitude, phase = response.magnitude, response.phase
@@ -84,19 +91,39 @@ def bode_figure(response: FrequencyResponse, y_unit: str = "", u_unit: str = "")
     curve, title = (
         ("estimate", "spectral estimate") if estimated else ("tangent", "frequency response of the tangent model")
     )
+    sizes = curve_items(magnitude, curve, 1.0, gain.factor, colour=style.INPUT if model else style.MODEL)
+    phases = curve_items(phase, curve, 1.0, 1.0, key=False, colour=style.INPUT if model else style.MODEL)
+    if model is not None:
+        own = _in_turn(model.phase, phase)
+        sizes += curve_items(model.magnitude, "model", 1.0, gain.factor, banded=False)
+        phases += curve_items(own, "model", 1.0, 1.0, key=False, banded=False)
     panels = [
-        Panel(curve_items(magnitude, curve, 1.0, gain.factor), y, x, title, 1.3, in_small(magnitude.note)),
-        Panel(
-            curve_items(phase, curve, 1.0, 1.0, key=False),
-            phase_axis(phase.value),
-            x,
-            note=in_small(phase.note),
-        ),
+        Panel(sizes, y, x, title, 1.3, in_small(magnitude.note)),
+        Panel(phases, phase_axis(phase.value), x, note=in_small(phase.note)),
     ]
     if isinstance(response, Spectrum):
-        line = Line(magnitude.x, response.coherence, "coherence", key=False)
+        line = Line(magnitude.x, response.coherence, "coherence", style.INPUT if model else style.MODEL, key=False)
         panels.append(Panel([line], Axis.of(Quantity("coherence", ""), (0.0, 1.05)), x))
     return Figure(panels, height=5.2, said=note_sentences("all of the response", magnitude.note))
+
+
+def noise_figure(noise: intervals.Band, model: np.ndarray, y_unit: str = "") -> Figure:
+    """The power of a model's errors over the frequency [rad/s] with its band, and that of its noise model (n,)."""
+    y = display_quantity("power", y_unit)
+    unit = f"({y.unit})²/Hz" if "/" in y.unit else f"{y.unit}²/Hz" if y.unit else "1/Hz"
+    items = curve_items(noise, "estimate", 1.0, y.factor**2, colour=style.INPUT)
+    items.append(Line(noise.x, model * y.factor**2, "noise model", style.MODEL))
+    shown = noise.value[noise.value > 0.0] * y.factor**2
+    limits = (0.1 * float(shown.min()), 10.0 * float(shown.max()))
+    axis = Axis(f"power [{unit}]", "power", unit, log=True, limits=limits)
+    return Figure([Panel(items, axis, Axis("frequency [rad/s]", log=True), "spectrum of what the model leaves")])
+
+
+def _in_turn(phase: intervals.Band, beside: intervals.Band) -> intervals.Band:
+    """The phase moved by whole turns to where the other one is."""
+    apart = np.interp(phase.x, beside.x, beside.value) - phase.value
+    turn = 360.0 * np.round(np.median(apart) / 360.0)
+    return replace(phase, value=phase.value + turn, lower=phase.lower + turn, upper=phase.upper + turn)
 
 
 def phase_axis(degrees: np.ndarray) -> Axis:
@@ -110,14 +137,26 @@ def phase_axis(degrees: np.ndarray) -> Axis:
 
 
 def curve_items(
-    band: intervals.Band, label: str, x_factor: float, factor: float, steps: bool = False, key: bool = True
+    band: intervals.Band,
+    label: str,
+    x_factor: float,
+    factor: float,
+    steps: bool = False,
+    key: bool = True,
+    colour: str = style.MODEL,
+    banded: bool = True,
 ) -> list[Item]:
-    """A curve over its band, with the factors of both axes; the curve has a name in the legend if the band has."""
+    """A curve over its band, with the factors of both axes; the curve has a name in the legend if the band has.
+
+    Where the bands of two curves would lie on one another, one of them is not `banded`.
+    """
     x, value = band.x * x_factor, scaled(band.value, factor)
     lower, upper = scaled(band.lower, factor), scaled(band.upper, factor)
-    key = key and has_area(lower, upper)
-    curve = Line(x, value, label, steps=steps, half=upper - value if np.isfinite(band.std).any() else None, key=key)
-    return [curve, Band(x, lower, upper, f"{100 * band.level:g} % band", steps=steps, key=key)]
+    area = has_area(lower, upper)
+    half = upper - value if np.isfinite(band.std).any() else None
+    curve = Line(x, value, label, colour, steps=steps, half=half, key=key and (area or not banded))
+    area_item = Band(x, lower, upper, f"{100 * band.level:g} % band", colour, steps=steps, key=key and area)
+    return [curve, area_item] if banded else [curve]
 
 
 def in_small(note: str) -> str:

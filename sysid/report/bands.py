@@ -8,17 +8,22 @@ from dataclasses import dataclass, replace
 from weakref import ref
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
 from sysid.base.poles import Motion
+from sysid.blocks import Predictor
 from sysid.estimation.result import Fit
 from sysid.uncertainty import responses
 from sysid.uncertainty.curves import OWN, Curve, curves
 from sysid.uncertainty.information import Information, information
 from sysid.uncertainty.intervals import Band
 from sysid.uncertainty.responses import FrequencyResponse
+from sysid.uncertainty.spectrum import Spectrum, noise_spectrum, spectrum
 from sysid.workflow.results import Evaluation
 
+LINEAR = ("armax", "arx", "bj", "output_error", "process")
+_FINEST = 2048  # samples of a part: half as many frequencies, more than a picture shows
 SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
 
 
@@ -26,13 +31,16 @@ SEES_INPUT, GIVES_OUTPUT = ("input", "driver"), ("output", "map", "sensor")
 class Bands:
     """The maps in the order of the signal, the step response and the frequency response; None where there is none.
 
-    `info` is the information of the record that they follow from.
+    `info` is the information of the record that they follow from. `spectrum` is the estimate without a model, and
+    `noise` the power of what the free run leaves, with that of the model's noise (n,).
     """
 
     maps: tuple[Curve, ...]
     step: Band | None
     frequency: FrequencyResponse | None
     info: Information | None = None
+    spectrum: Spectrum | None = None
+    noise: tuple[Band, np.ndarray] | None = None
 
 
 # The last evaluation asked for: the figures of one page ask one after another, and the sensitivities are large.
@@ -52,8 +60,9 @@ def _compute_bands(e: Evaluation) -> Bands:
     maps = tuple(_curve_without_band(e, role) for role in e.maps)
     step = None if e.step is None else Band.bare(e.step.x, e.step.y)
     info = _information(e)
+    estimate, noise = _spectra(e)
     if info is None:
-        return Bands(maps, step, None)
+        return Bands(maps, step, None, None, estimate, noise)
     middle = float(np.mean(e.estimation.u))
     try:
         known = {curve.role: curve for curve in curves(info)}
@@ -69,7 +78,32 @@ def _compute_bands(e: Evaluation) -> Bands:
         frequency = responses.frequency(info, middle)
     except InputError:  # the tangent has no gain there
         frequency = None
-    return Bands(maps, step, frequency, info)
+    return Bands(maps, step, frequency, info, estimate, noise)
+
+
+def _spectra(e: Evaluation) -> tuple[Spectrum | None, tuple[Band, np.ndarray] | None]:
+    """The spectral estimate of the estimation data, and that of what a linear model's free run leaves of them."""
+    fit, data = e.fit, e.estimation
+    if not isinstance(fit, Fit) or fit.model.structure not in LINEAR or e.outputs:
+        return None, None
+    try:
+        samples = _FINEST if max(data.lengths) > 12 * _FINEST else None
+        estimate = spectrum(data, samples)
+        v = data.y[:, 0] - np.ravel(e.estimation_output)
+        if e.growing is not None or not np.all(np.isfinite(v)) or not np.any(v):
+            return estimate, None
+        noise = noise_spectrum(v, data, samples)
+    except InputError:  # too short, with gaps, or an input that does not move
+        return None, None
+    z, block = np.exp(-1j * noise.x * data.Ts), fit.model.blocks[-1]
+    if isinstance(block, Predictor):
+        C, D = block.noise(fit.model.part(fit.theta, block))
+        variance = fit.criteria.mse
+    else:
+        C, D = np.ones(1), np.append(1.0, -np.array((fit.noise or ((),))[0]))
+        variance = float(np.mean(lfilter(D, C, v) ** 2))
+    H = np.polyval(C[::-1], z) / np.polyval(D[::-1], z)
+    return estimate, (noise, 2.0 * data.Ts * variance * np.abs(H) ** 2)
 
 
 def _information(e: Evaluation) -> Information | None:

@@ -20,12 +20,13 @@ from sysid.data.record import IOData
 from sysid.drawing.axes import draw
 from sysid.drawing.figure import Band, Figure, Rule, scaled
 from sysid.drawing.plotly import Plotly, plotly
+from sysid.estimation.result import Fit
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import as_outputs, close_ups_figure, runs_figure
 from sysid.plots.pole_zero import roots_figure
 from sysid.plots.records import parts_figure
 from sysid.plots.residual_tests import residuals_figure
-from sysid.plots.responses import bode_figure, step_figure
+from sysid.plots.responses import bode_figure, noise_figure, step_figure
 from sysid.plots.static_maps import Words, maps_figure
 from sysid.report.bands import GIVES_OUTPUT, SEES_INPUT, bands
 from sysid.report.joint import PARTS_SAY, values_figure
@@ -39,7 +40,7 @@ from sysid.workflow.results import Evaluation, single_channels
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SectionTitle = Literal["Data", "Model output", "Model", "Residual tests"]
+SectionTitle = Literal["Data", "Model output", "Model", "Spectra", "Residual tests"]
 FLAT = 10.0  # times the largest error: a band so wide makes the error a line
 VALIDATION_TIME = "time in the validation data [s]"
 
@@ -217,6 +218,42 @@ def bode_caption(e: Evaluation) -> str:
     )
 
 
+def _spectrum_figure(e: Evaluation) -> Figure:
+    """The estimate without a model, and the model over it."""
+    known = bands(e)
+    assert known.spectrum is not None
+    return bode_figure(known.spectrum, e.estimation.y_unit, e.estimation.u_unit, known.frequency)
+
+
+def spectrum_caption(e: Evaluation) -> str:
+    """What the estimate is, and what it is not."""
+    estimate = bands(e).spectrum
+    assert estimate is not None
+    return (
+        f"Frequency response of the estimation data without a model (Welch, {estimate.parts:.0f} independent parts of "
+        f"{estimate.samples} samples) with its 95 % band, and that of the model. The coherence is the share of the "
+        "output's power that is linear in the input. What to see: the model inside the band where the coherence is "
+        "near 1. Peaks narrower than the estimate resolves come out too low, and feedback biases it."
+    )
+
+
+def _noise_figure(e: Evaluation) -> Figure:
+    """The power of what the free run leaves."""
+    noise = bands(e).noise
+    assert noise is not None
+    return noise_figure(*noise, e.estimation.y_unit)
+
+
+def noise_caption(e: Evaluation) -> str:
+    """Whose noise model it is."""
+    own = "its own C and D" if isinstance(e.fit, Fit) and e.fit.predicts else "an autoregression of these errors"
+    return (
+        "Power of the errors of the free run in the estimation data, with its 95 % band, and that of the noise model, "
+        f"{own}. What to see: the noise model inside the band; a peak is a disturbance, or dynamics that the model "
+        "lacks."
+    )
+
+
 WORDS: dict[str, Words] = {  # by role: title, signal before the map, signal after it
     "input": ("input map", "input u", "into the linear block"),
     "output": ("output map", "out of the linear block", "output y"),
@@ -332,6 +369,10 @@ TABLE: dict[str, ReportFigure] = {
     "pole-zero": ReportFigure("Model", _roots_figure, _roots_caption, lambda e: e.linear, pure=True, tab="Poles"),
     "step-response": ReportFigure("Model", _step_figure, _step_caption, lambda e: e.step is not None, tab="Step"),
     "bode": ReportFigure("Model", _bode_figure, bode_caption, lambda e: bands(e).frequency is not None, tab="Bode"),
+    "spectrum": ReportFigure(
+        "Spectra", _spectrum_figure, spectrum_caption, lambda e: bands(e).spectrum is not None, tab="Spectrum"
+    ),
+    "noise": ReportFigure("Spectra", _noise_figure, noise_caption, lambda e: bands(e).noise is not None, tab="Noise"),
     "static-maps": ReportFigure("Model", _maps_figure, _maps_caption, lambda e: bool(e.maps), tab="Static maps"),
     "values": ReportFigure(
         "Model", lambda e: values_figure(e.values), _values_caption, lambda e: bool(e.values), tab="Physical values"

@@ -44,6 +44,7 @@ def page(result: Identification, exports: Exports, model: str = "") -> Page:
             *_search(result),
             _output(e),
             _model(result),
+            *_spectra(e),
             _residuals(e),
             _files(e, exports),
             Section("Search", [sections.search_sentence(e)]),
@@ -225,6 +226,12 @@ def _model(result: Identification) -> Section:
         pictures=figures.pictures("Model", e),
         details=[] if verdict.no_joint(e) else [replace(sections.parameter_grid(e), note=_deviations(e))],
     )
+
+
+def _spectra(e: Evaluation) -> list[Section]:
+    """The record over the frequency, beside a linear model; nothing of other models and short records."""
+    pictures = figures.pictures("Spectra", e)
+    return [Section("Spectra", pictures=pictures)] if pictures else []
 
 
 def _deviations(e: Evaluation) -> str:

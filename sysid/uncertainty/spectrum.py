@@ -5,11 +5,11 @@ the error of their ratio follows from the coherence and from how many independen
 and Piersol, Random Data, 4th ed. 2010, chapter 9).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import csd, get_window
-from scipy.special import stdtrit
+from scipy.special import chdtri, stdtrit
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
@@ -86,6 +86,20 @@ def spectrum(data: IOData, samples: int | None = None, level: float = 0.95) -> S
     phase_std = np.degrees(np.divide(std, size, out=np.full_like(size, np.inf), where=size > 0.0))
     phase = Band(w, angle, phase_std, angle - turn, angle + turn, level)
     return Spectrum(magnitude, phase, G, coherence, Suu, Syy, parts, n)
+
+
+@checked
+def noise_spectrum(v: np.ndarray, data: IOData, samples: int | None = None, level: float = 0.95) -> Band:
+    """Power [unit of y squared per Hz], one-sided, of errors v (N,) of the record over w (n,) [rad/s], with its band.
+
+    By Welch's method as in `spectrum`; the band is that of chi squared (Bendat and Piersol, section 8.5), for noise
+    that is stationary. Raises InputError for parts that are too short or too few.
+    """
+    errors = replace(data, u=v[:, None], y=v[:, None], missing=None)
+    estimate = spectrum(errors, samples, level)
+    freedom, S = 2.0 * estimate.parts, estimate.output
+    low, high = (freedom / float(chdtri(freedom, 0.5 * (1.0 - sign * level))) for sign in (1.0, -1.0))
+    return Band(estimate.magnitude.x, S, S * np.sqrt(2.0 / freedom), S * low, S * high, level)
 
 
 def _segments(N: int, n: int) -> int:

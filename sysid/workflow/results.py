@@ -332,9 +332,10 @@ def _distinct_names(names: list[str], columns: list[str]) -> list[str]:
 def single_channels(e: Evaluation, section: str) -> list[tuple[str, str, Evaluation]]:
     """What the figures of a section show of several channels: a mark for the name, words, and one input and output.
 
-    "Data" has every channel, "Model output" and "Residual tests" every output, "Model" the evaluation as it is.
+    "Data" has every channel, "Model output" and "Residual tests" every output, "Model" and "Spectra" the evaluation
+    as it is.
     """
-    if not e.outputs or section == "Model":
+    if not e.outputs or section in ("Model", "Spectra"):
         return [("", "", e)]
     ny = len(e.outputs)
     count = max(e.estimation.u.shape[1], ny) if section == "Data" else ny

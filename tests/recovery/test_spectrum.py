@@ -8,6 +8,7 @@ from scipy.signal import coherence, freqz, lfilter
 
 import sysid
 from sysid import InputError, IOData
+from sysid.uncertainty.spectrum import noise_spectrum
 
 mpl.use("Agg")
 
@@ -73,3 +74,16 @@ def test_the_figure_has_the_coherence_below():
     np.testing.assert_allclose(share.lines[0].get_ydata(), found.coherence)
     assert phase.get_ylabel() == "phase [deg]"
     assert share.get_ylabel() == "coherence"
+
+
+def test_the_power_of_noise_is_that_of_its_model_and_its_band_holds():
+    """Over 100 records of one autoregression; its power by the formula, per Hz and one-sided."""
+    a, Ts, held = [1.0, -1.2, 0.6], 0.1, []
+    for seed in range(100):
+        v = lfilter([1.0], a, 0.2 * np.random.default_rng([7, seed]).normal(size=2200))[200:]
+        noise = noise_spectrum(v, IOData(v, v, Ts))
+        H = 1.0 / np.polyval(a[::-1], np.exp(-1j * noise.x * Ts))
+        power = 2.0 * Ts * 0.04 * np.abs(H) ** 2
+        held.append(np.mean((noise.lower <= power) & (power <= noise.upper)))
+        assert np.sum(noise.value) / (166.0 * Ts) == pytest.approx(np.var(v), rel=0.25)
+    assert 0.92 < np.mean(held) < 0.97
