@@ -45,7 +45,7 @@ def test_brackets_are_not_swallowed(capsys):
     assert main(["identify", "--help-all"]) == 0
     shown = _solid(capsys.readouterr().out)
     assert _solid("what to remove [none: the zero of the output is a parameter]: ") in shown
-    assert _solid("of nlarx na,nb,nk; of state_space nx,units,degree [2,3,1; 9; 2,2,1; 2,5,0]") in shown
+    assert _solid("of nlarx na,nb,nk; of state_space nx,units,degree [2,3,1; 2,3,1,2,2; 9; 2,2,1; 2,5,0]") in shown
 
 
 def test_identify_shows_what_most_need_and_the_options_of_a_structure_with_it(capsys):
