@@ -1,5 +1,6 @@
 """A table of a frequency response: what makes it one, its columns by their names, and what it lacks."""
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,8 +20,16 @@ _NAMES = {
     "coherence": words("coherence coh kohärenz"),
     "std": words("std sigma deviation"),
 }
-_HERTZ = {"hz": 2.0 * np.pi, "khz": 2e3 * np.pi, "mhz": 2e-3 * np.pi, "rad/s": 1.0, "rad": 1.0, "rad_s": 1.0}
-_TURN = {"deg": np.pi / 180.0, "°": np.pi / 180.0, "degrees": np.pi / 180.0, "degree": np.pi / 180.0, "rad": 1.0}
+_HERTZ = {"hz": 2.0 * np.pi, "khz": 2e3 * np.pi, "mhz": 2e-3 * np.pi, "rad/s": 1.0, "rad": 1.0, "rad/sec": 1.0}
+_BRACKETS = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]\s*$")
+_TURN = {
+    "grad": np.pi / 180.0,
+    "deg": np.pi / 180.0,
+    "°": np.pi / 180.0,
+    "degrees": np.pi / 180.0,
+    "degree": np.pi / 180.0,
+    "rad": 1.0,
+}
 _HOW = (
     "frequency data have a column frequency [Hz] or [rad/s], and magnitude [dB] or [abs] with phase [deg] or [rad], or "
     "real and imag; beside them coherence, or std, the deviation of real and imaginary part"
@@ -33,37 +42,47 @@ def frequency_of(table: Table, Ts: float | None = None) -> FrequencyData | None:
     Raises InputError for one that lacks something, in a sentence that names the file.
     """
     columns = numeric_columns(table)
-    found = _by_name(list(columns.values()))
+    named = _by_name(list(columns.values()))
+    found = {kind: each[0] for kind, each in named.items()}
     others = [kind for kind in ("magnitude", "phase", "real", "imaginary") if kind in found]
     frequency = found.get("frequency")
     if frequency is None or not others or any(is_named_clock(c.header) for c in columns.values()):
         return None
+    is_whole = {"magnitude", "phase"} <= {*others} or {"real", "imaginary"} <= {*others}
+    if not is_whole and sum(map(len, named.values())) < len(columns):
+        return None  # a log of a chirp may have its frequency and an angle beside other signals
     steps = np.diff(frequency.values)
     if not _unit(frequency, _HERTZ) and not frequency.header.has(words("frequency freq frequenz omega")):
         return None  # a force f or a speed w
     if not len(steps) or not (np.all(steps > 0.0) or np.all(steps < 0.0)) or np.any(frequency.values < 0.0):
         return None
     try:
+        for kind, each in named.items():
+            if len(each) > 1:
+                raise InputError(f"{' and '.join(repr(c.name) for c in each)} are both a {kind}; leave out all but one")
         return _response(found, Ts)
     except InputError as error:
         raise InputError(f"{table.path} seems to be a frequency response; {error}") from None
 
 
-def _by_name(columns: Sequence[Column]) -> dict[str, Column]:
-    """The first column of each kind; "phase of real" is none of the second."""
-    found: dict[str, Column] = {}
+def _by_name(columns: Sequence[Column]) -> dict[str, list[Column]]:
+    """The columns of each kind; "phase of real" is none of the second."""
+    found: dict[str, list[Column]] = {}
     for column in columns:
         kinds = [kind for kind, names in _NAMES.items() if column.header.has(names)]
         if len(kinds) > 1 and "frequency" in kinds:  # f_re
             kinds.remove("frequency")
-        if kinds and kinds[0] not in found:
-            found[kinds[0]] = column
+        if not kinds and re.search(r"\|.+\|", column.name):
+            kinds = ["magnitude"]
+        if kinds:
+            found.setdefault(kinds[0], []).append(column)
     return found
 
 
 def _unit(column: Column, units: dict[str, float]) -> float:
     """What the values of a column are to be multiplied with, by the unit in its name; 0 without one."""
-    texts = (column.header.unit.strip().lower(), *sorted(column.header.words))
+    brackets = _BRACKETS.search(column.name)
+    texts = (column.header.unit.strip().lower(), brackets[1].lower() if brackets else "", *sorted(column.header.words))
     return next((units[text] for text in texts if text in units), 0.0)
 
 

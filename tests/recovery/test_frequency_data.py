@@ -165,6 +165,8 @@ TABLES = {
     "f [Hz],magnitude [dB],phase [deg]": lambda G: (W / 2 / np.pi, 20 * np.log10(abs(G)), np.degrees(np.angle(G))),
     "freq_hz,mag_db,phase_deg": lambda G: (W / 2 / np.pi, 20 * np.log10(abs(G)), np.degrees(np.angle(G))),
     "Frequency (kHz),Gain [mm/V],Phase (rad)": lambda G: (W / 2e3 / np.pi, abs(G), np.unwrap(np.angle(G))),
+    "omega (rad/sec),Re(G),Im(G)": lambda G: (W, G.real, G.imag),
+    "f/Hz,|G|/dB,Phase [Grad]": lambda G: (W / 2 / np.pi, 20 * np.log10(abs(G)), np.degrees(np.angle(G))),
     "w [rad/s],Re,Im": lambda G: (W, G.real, G.imag),
 }
 
@@ -185,7 +187,13 @@ def test_each_way_to_write_a_response_is_read(tmp_path, head):
 
 
 @pytest.mark.parametrize(
-    "head", ["time [s],frequency [Hz],magnitude [dB]", "f [N],u [V],angle [deg]", "u,phase [deg],y"]
+    "head",
+    [
+        "time [s],frequency [Hz],magnitude [dB]",
+        "f [N],u [V],angle [deg]",
+        "frequency [Hz],u [V],angle [deg]",
+        "u,phase [deg],y",
+    ],
 )
 def test_a_log_is_none(tmp_path, head):
     from sysid.workflow.frequency import read_frequency
@@ -201,6 +209,7 @@ def test_a_log_is_none(tmp_path, head):
         ("f [Hz],real", "no column imag", "f [Hz],real,imag"),
         ("frequency,real,imag", r"write it behind the name, \[Hz\]", "frequency [Hz],real,imag"),
         ("f [Hz],magnitude,phase [deg]", r"\[dB\], \[abs\]", "f [Hz],magnitude [abs],phase [deg]"),
+        ("f [Hz],gain 1 [dB],gain 2 [dB]", "are both a magnitude", "f [Hz],gain [dB],phase [deg]"),
         ("f [Hz],magnitude [dB],phase", r"\[deg\] or \[rad\]", "f [Hz],magnitude [dB],phase [deg]"),
     ],
 )
@@ -219,6 +228,11 @@ def test_what_a_response_lacks_is_said_and_the_remedy_works(tmp_path, capsys, he
 
 def test_a_response_by_the_command_line(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    write("frd.csv", "w [rad/s],real,imag", W, noisy(0.01).real, noisy(0.01).imag)
+    assert main(["info", "frd.csv"]) != 0
+    command = capsys.readouterr().err.partition("fit it with qpal ")[2].split()
+    assert main([*command, "--out", "zero"]) == 0
+    capsys.readouterr()
     write("frd.csv", "w [rad/s],real,imag", W, noisy(0.01).real, noisy(0.01).imag)
     assert main(["identify", "frd.csv", "--structure", "process", "--kind", "P1D", "--out", "one"]) == 0
     told = capsys.readouterr().out
