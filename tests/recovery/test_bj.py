@@ -79,8 +79,8 @@ def test_drawn_plants_are_found_and_their_intervals_hold():
 
     Of 640 such records 639 came to that loss within 0.1 %, 93 % of the gains and of the poles held.
     """
-    seeds, gains, poles = often(60, 15), [], []
-    for seed in seeds:
+    gains, poles = [], []
+    for seed in sorted({*often(60, 15), 23}):  # of 23, C and D that nearly cancel have an optimum of their own
         model, theta, data = drawn(seed)
         fit = sysid.fit(model, data)
         assert fit.criteria.loss < (1.0 + 1e-3) * sysid.fit(model, data, start=theta).criteria.loss, seed
