@@ -41,6 +41,8 @@ int drive(const REAL *values, const REAL *u, REAL *y, int n)
 }}
 """
 
+AT_REST = (".v0", ".u0", ".x1", ".x2")  # parameters that a run for an input alone does not read
+
 # A joint as the real ones are: slow, with a load over position, a crooked linkage and a little play.
 JOINT = {
     **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.6, "motor.delay": 0.3},
@@ -113,6 +115,21 @@ def structure_fit(name):
 
 
 FITS = [*sorted(STRUCTURES), *(f"joint_{name}" for name in JOINTS)]
+
+
+def changed(value, factor):
+    """The number moved by a factor, or by a little where it is zero, within its bounds."""
+    return float(np.clip(value.start * factor if value.start else factor - 1.0, value.lower, value.upper))
+
+
+def with_values(fit, source, values):
+    """The fit whose parameters are those of the struct."""
+    names = list(fit.model.names) if hasattr(fit.model, "names") else [f"network.{n}" for n in fit.network.names]
+    theta = fit.theta.copy()
+    for parameter, value in zip(source.parameters, values, strict=True):
+        if parameter.place is not None:
+            theta[names.index(parameter.name)] = value
+    return replace(fit, theta=theta)
 
 
 def sweep(N):

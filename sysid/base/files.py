@@ -113,7 +113,12 @@ def atomic_file(path: str | os.PathLike) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` whole or not at all, as `printable` has it; raises InputError where the place is not writable."""
+    """`write_bytes` of a text as `printable` has it, in UTF-8."""
+    return write_bytes(path, printable(text).encode("utf-8"))
+
+
+def write_bytes(path: str | os.PathLike, content: bytes) -> Path:
+    """Write `content` whole or not at all; raises InputError where the place is not writable."""
     target = Path(path)
     try:
         os.fsencode(target)
@@ -125,7 +130,7 @@ def write_text(path: str | os.PathLike, text: str) -> Path:
         raise InputError(f"cannot write {target}: folder {target.parent} does not exist; choose a folder that exists")
     try:
         with atomic_file(target) as temporary:
-            temporary.write_text(printable(text), encoding="utf-8", newline="\n")
+            temporary.write_bytes(content)
     except OSError as e:
         raise InputError(
             f"cannot write {target}: {e.strerror}; choose a folder or a file that you may write to"

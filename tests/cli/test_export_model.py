@@ -1,9 +1,11 @@
 """`qpal export MODEL`: what a saved model becomes takes and gives the levels of its record."""
 
 import json
+import re
 import runpy
 import shutil
 import subprocess
+import sys
 import zipfile
 from types import SimpleNamespace
 
@@ -179,6 +181,22 @@ def test_a_joint_without_its_means_is_not_written_as_mjcf(tmp_path, monkeypatch,
     assert "fit it with --detrend none" in capsys.readouterr().err
 
 
+def test_onnx_runs_on_raw_inputs_and_without_its_package_is_a_sentence(folder, monkeypatch, capsys):
+    runtime = pytest.importorskip("onnxruntime")
+    monkeypatch.chdir(folder)
+    assert main(["export", "chain.json", "--onnx", "--out", "graph", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["files"] == ["hammerstein.onnx"]
+    fit, u = sysid.load("chain.json"), record(seed=1).u
+    y, _ = runtime.InferenceSession("graph/hammerstein.onnx").run(None, {"u": u})
+    expected = fit.simulate(u[:, 0] - fit.u_offset[0]) + fit.y_offset[0]
+    np.testing.assert_allclose(y[:, 0], expected, rtol=0, atol=1e-12)
+    monkeypatch.setitem(sys.modules, "onnx", None)
+    assert main(["export", "chain.json", "--onnx", "--out", "none"]) == 2
+    err = capsys.readouterr().err
+    assert "ONNX needs the package onnx, which is not installed: pip install 'qpal[onnx]'" in err
+    assert "nothing is written; possible: --c, --fmu, --python, --matlab, --control)" in err
+
+
 @pytest.fixture(scope="module")
 def joint(tmp_path_factory):
     """A joint in volts and radians, whose fit was told not to be used."""
@@ -199,7 +217,7 @@ def test_a_way_that_is_not_possible_is_told_before_anything_is_written_with_thos
     err = capsys.readouterr().err
     assert "--control: a linear model is written of a chain with one transfer function, and actuated_joint has" in err
     assert "qpal identify LOG --structure output_error" in err
-    assert "nothing is written; possible: --c, --fmu, --python, --matlab, --mjcf" in err
+    assert re.search(r"nothing is written; possible: --c, --fmu, --python, --matlab(, --onnx)?, --mjcf", err)
     assert not (joint / "both").exists()
 
 

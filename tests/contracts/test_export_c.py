@@ -4,13 +4,23 @@ import re
 import runpy
 import shutil
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cases import BLOCKS
-from exported import FITS, STRICT, Compiled, agrees, excitation, made, structure_fit
+from exported import (
+    AT_REST,
+    FITS,
+    STRICT,
+    Compiled,
+    agrees,
+    changed,
+    excitation,
+    made,
+    structure_fit,
+    with_values,
+)
 
 from sysid.blocks import Delay
 from sysid.export import c as export_c
@@ -22,7 +32,6 @@ SAMPLES = 10_000
 # and 4e-16). Single: measured 1.5e-5, of a
 # motor without stops; else 1.5e-6.
 DOUBLE, SINGLE = 2e-15, 3e-5
-AT_REST = (".v0", ".u0", ".x1", ".x2")
 LIBM = {"exp", "log", "sqrt", "pow", "sin", "cos", "tanh", "floor"}
 
 
@@ -48,21 +57,6 @@ def test_single_precision_stays_near(case, tmp_path):
     expected = fit.simulate(u)
     y = Compiled(fit, tmp_path, "single", single=True).run(u)
     assert 0.0 < np.abs(y - expected).max() < SINGLE * np.ptp(expected)
-
-
-def changed(value, factor):
-    """The number moved by a factor, or by a little where it is zero, within its bounds."""
-    return float(np.clip(value.start * factor if value.start else factor - 1.0, value.lower, value.upper))
-
-
-def with_values(fit, source, values):
-    """The fit whose parameters are those of the struct."""
-    names = list(fit.model.names) if hasattr(fit.model, "names") else [f"network.{n}" for n in fit.network.names]
-    theta = fit.theta.copy()
-    for parameter, value in zip(source.parameters, values, strict=True):
-        if parameter.place is not None:
-            theta[names.index(parameter.name)] = value
-    return replace(fit, theta=theta)
 
 
 def test_a_changed_parameter_gives_the_model_with_that_parameter(case):

@@ -216,6 +216,8 @@ def the_unit_is_the_model(left: dict) -> None:
     expected = left["fit"].simulate(left["u"])
     np.testing.assert_array_equal(left["run"]["y"], expected)
     assert np.abs(left["changed"]["y"] - expected).max() > 0.1
+    np.testing.assert_array_equal(left["whole"][:, 0], expected)
+    np.testing.assert_array_equal(np.concatenate([left["begin"], left["end"]]), left["whole"])
 
 
 def found(left: dict) -> None:

@@ -1,4 +1,4 @@
-"""`qpal export`: a fitted model as C, FMU, Python, MATLAB, MJCF or a linear model."""
+"""`qpal export`: a fitted model as C, FMU, Python, MATLAB, ONNX, MJCF or a linear model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,6 +25,7 @@ def export(
     fmi: Annotated[str, typer.Option(metavar="3|2", help="version of --fmu: FMI 3.0 or 2.0")] = "3",
     python: Annotated[bool, typer.Option("--python", help="a Python module that imports only math")] = False,
     matlab: Annotated[bool, typer.Option("--matlab", help="a MATLAB function file, which GNU Octave runs too")] = False,
+    onnx: Annotated[bool, typer.Option("--onnx", help="an ONNX graph, for onnxruntime and others")] = False,
     control: Annotated[
         bool, typer.Option("--control", help="a Python file with the linear model as a control.TransferFunction")
     ] = False,
@@ -58,7 +59,7 @@ def export(
 ) -> None:
     """Write a fitted model as code, linear model, or MJCF.
 
-    The code is C99, an FMU, Python or MATLAB; the MJCF is checked against the fit.
+    The code is C99, an FMU, Python, MATLAB or ONNX; the MJCF is checked against the fit.
 
     The files take and give the units in their header (SI), at the levels of the record.
 
@@ -66,10 +67,10 @@ def export(
     Progress: each part.
     """
     flags = {"mjcf": mjcf or into is not None, "c": c, "fmu": fmu, "python": python, "matlab": matlab}
-    flags["control"] = control
+    flags |= {"onnx": onnx, "control": control}
     ways = [way for way, flag in flags.items() if flag]
     if not ways:
-        raise InputError("nothing to export to; add --mjcf, --c, --fmu, --python, --matlab or --control")
+        raise InputError("nothing to export to; add --mjcf, --c, --fmu, --python, --matlab, --onnx or --control")
     for option, given, way in (
         ("--at", at is not None, "control"),
         ("--single", single, "c"),

@@ -1,4 +1,4 @@
-"""A fitted model written back: as C99, FMU, Python, MATLAB or a linear model, or as MJCF that is checked in MuJoCo."""
+"""A fitted model written back: as code, FMU, ONNX or a linear model, or as MJCF that is checked in MuJoCo."""
 
 import re
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from sysid.estimation.free_run import FAR, beyond, quiet
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
-from sysid.export import c, fmu, matlab, mjcf, python
+from sysid.export import c, fmu, matlab, mjcf, onnx, python
 from sysid.fitting import load
 from sysid.joint.posterior import fit_joint
 from sysid.linear import linearize
@@ -172,7 +172,7 @@ def _stay(y: np.ndarray, span: float) -> int:
     return int(np.argmax(beyond_span)) if beyond_span.any() else len(y)
 
 
-WAYS = ("c", "fmu", "python", "matlab", "control", "mjcf")
+WAYS = ("c", "fmu", "python", "matlab", "onnx", "control", "mjcf")
 JOINT = "joint"  # the hinge of an MJCF that is given no name
 
 
@@ -203,6 +203,8 @@ def _refusal(source: Source, way: str, name: str | None, at: float | None) -> st
             _check_mjcf(source, name or JOINT)
         elif way == "python":
             python.source(fit)
+        elif way == "onnx":
+            onnx.model(fit)
         else:
             (matlab if way == "matlab" else c).source(fit, name or model_name(fit))
     except InputError as error:
@@ -263,6 +265,9 @@ def write_back(
         files.append((python.write(fit, folder / f"{name}.py").name, "Python that imports only math"))
     if "matlab" in ways:
         files.append((matlab.write(fit, folder / f"{name}.m").name, "a MATLAB function, which GNU Octave runs too"))
+    if "onnx" in ways:
+        graph = onnx.write(fit, folder / f"{name}.onnx").name
+        files.append((graph, "ONNX: u and the state in, y and the state out, over any number of samples"))
     tangent = None
     if "control" in ways:
         tangent = linearize.tangent_at(fit, at)
