@@ -29,7 +29,7 @@ from twin.cli import main as qpal
 
 SCALES = (1e3, 1e10, 1e100, 1e308)
 INPUTS = (1.0, 1e10, 1e300)
-EXPORTS = ("--c", "--python", "--matlab", "--fmu", "--onnx", "--control")
+EXPORTS = ("--c", "--python", "--matlab", "--fmu", "--onnx", "--modelica", "--control")
 SAMPLE = re.compile(r"sample \d+")
 
 

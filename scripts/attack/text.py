@@ -40,7 +40,7 @@ from twin.app.session import Session
 from twin.cli import main as qpal
 
 STRUCTURES = ("output_error", "hammerstein_wiener", "wiener_hammerstein", "state_space", "joint_plain", "nlarx")
-EXPORTS = ("--c", "--python", "--matlab", "--fmu", "--onnx", "--control", "--mjcf")
+EXPORTS = ("--c", "--python", "--matlab", "--fmu", "--onnx", "--modelica", "--control", "--mjcf")
 TEXTS = {"acts": HOSTILE, "long": LONG, "spaced": "name " * 2000}
 LONGEST = 1000  # letters of a word; a line may have TEXT
 

@@ -1,4 +1,4 @@
-"""A fit as other people's code: C99, FMU, Python, MATLAB, ONNX, MJCF, closed form."""
+"""A fit as other people's code: C99, FMU, Python, MATLAB, ONNX, Modelica, MJCF, closed form."""
 
 from sysid.base import modules_of
 

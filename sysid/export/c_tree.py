@@ -90,11 +90,11 @@ Body = tuple[Stmt, ...]
 
 
 def tree(text: str) -> Body:
-    """The statements of a body.
+    """The statements of a body, see `structured`.
 
     Raises InputError for what is beyond the language.
     """
-    return _Reader(text).body()
+    return structured(_Reader(text).body())
 
 
 def statements(body: Body) -> Iterator[Stmt]:
@@ -110,6 +110,21 @@ def statements(body: Body) -> Iterator[Stmt]:
 def leaves_loop(body: Body) -> bool:
     """Whether a break among these statements ends the loop around them, or a return the function."""
     return any(isinstance(s, (Break, Return)) or (isinstance(s, If) and leaves_loop(s.body + s.orelse)) for s in body)
+
+
+def structured(body: Body) -> Body:
+    """The same without a statement behind a branch that leaves its loop or the function: it stands in the branches."""
+    found: list[Stmt] = []
+    for k, s in enumerate(body):
+        if isinstance(s, If):
+            rest = body[k + 1 :] if leaves_loop((s,)) else ()
+            s = If(s.test, structured(s.body + rest), structured(s.orelse + rest))
+        elif isinstance(s, For):
+            s = For(s.index, s.over, structured(s.body))
+        found.append(s)
+        if isinstance(s, (Break, Return)) or leaves_loop((s,)):
+            break
+    return tuple(found)
 
 
 def targets(body: Body) -> set[tuple[str, str]]:

@@ -17,7 +17,6 @@ from sysid.export.c_tree import (
     Num,
     Op,
     Ref,
-    Return,
     Set,
     Stmt,
     leaves_loop,
@@ -57,16 +56,9 @@ class Steps:
         return Steps(graph, self.names.copy(), self.tables)
 
     def run(self, body: Body) -> None:
-        """All statements, up to a break or a return."""
-        for k, s in enumerate(body):
-            rest = body[k + 1 :]
-            if isinstance(s, If) and rest and leaves_loop((s,)):  # what follows belongs into the branches
-                s, rest = If(s.test, (*s.body, *rest), (*s.orelse, *rest)), ()
-                self.statement(s)
-                return
+        """All statements."""
+        for s in body:
             self.statement(s)
-            if isinstance(s, (Break, Return)):
-                return
 
     def statement(self, s: Stmt) -> None:
         if isinstance(s, Declare):

@@ -57,7 +57,7 @@ def test_c_python_and_mjcf_of_a_saved_fit(log, tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["model.json"], "add --mjcf, --c, --fmu, --python, --matlab, --onnx or --control"),
+        (["model.json"], "add --mjcf, --c, --fmu, --python, --matlab, --onnx, --modelica or --control"),
         (["log.csv", "--c"], "log.csv"),
         (["model.json", "--mjcf"], "a output_error has no motor"),
         (["gone.json", "--mjcf"], "gone.json"),

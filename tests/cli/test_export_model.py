@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import control
 import numpy as np
 import pytest
+from modelica_reader import Model
 
 import sysid
 from sysid.blocks import TransferFunction
@@ -63,6 +64,7 @@ def test_every_file_runs_on_raw_inputs_to_raw_outputs(kind, folder, monkeypatch,
         "--fmu",
         "--python",
         "--matlab",
+        "--modelica",
         "--control",
         "--name",
         "knee",
@@ -71,12 +73,13 @@ def test_every_file_runs_on_raw_inputs_to_raw_outputs(kind, folder, monkeypatch,
     ]
     assert main([*command, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["files"] == ["knee.h", "knee.c", "knee.fmu", "knee.py", "knee.m", "knee_control.py"]
+    assert found["files"] == ["knee.h", "knee.c", "knee.fmu", "knee.py", "knee.m", "knee.mo", "knee_control.py"]
     fit, u = sysid.load(f"{kind}.json"), record(seed=1).u[:, 0]
     assert found["offsets"] == {"u": fit.u_offset.tolist(), "y": fit.y_offset.tolist()}
     expected = fit.simulate(u - fit.u_offset[0]) + fit.y_offset[0]
     assert np.mean(expected) == pytest.approx(-40.0, abs=1.0)
     np.testing.assert_allclose(runpy.run_path(f"{kind}/knee.py")["simulate"](u.tolist()), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(Model((folder / kind / "knee.mo").read_text()).run(u), expected, rtol=0, atol=1e-9)
     # On the record itself, once the start is forgotten, the raw run is the fit's own.
     raw = record()
     run = np.array(runpy.run_path(f"{kind}/knee.py")["simulate"](raw.u[:, 0].tolist()))
@@ -139,6 +142,7 @@ def test_a_model_that_integrates_has_a_linear_model_all_the_same():
         (["chain.json", "--fmu", "--name", "2 legs"], "not an identifier"),
         (["nlarx.json", "--mjcf"], "a nonlinear ARX model has no motor"),
         (["chain.json", "--matlab", "--name", "end"], "'end' has a meaning in MATLAB"),
+        (["chain.json", "--modelica", "--name", "when"], "'when' has a meaning in Modelica"),
         (["nlarx.json", "--control", "--at", "1e9"], "no steady state"),
     ],
 )
@@ -194,7 +198,7 @@ def test_onnx_runs_on_raw_inputs_and_without_its_package_is_a_sentence(folder, m
     assert main(["export", "chain.json", "--onnx", "--out", "none"]) == 2
     err = capsys.readouterr().err
     assert "ONNX needs the package onnx, which is not installed: pip install 'qpal[onnx]'" in err
-    assert "nothing is written; possible: --c, --fmu, --python, --matlab, --control)" in err
+    assert "nothing is written; possible: --c, --fmu, --python, --matlab, --modelica, --control)" in err
 
 
 @pytest.fixture(scope="module")
@@ -217,7 +221,9 @@ def test_a_way_that_is_not_possible_is_told_before_anything_is_written_with_thos
     err = capsys.readouterr().err
     assert "--control: a linear model is written of a chain with one transfer function, and actuated_joint has" in err
     assert "qpal identify LOG --structure output_error" in err
-    assert re.search(r"nothing is written; possible: --c, --fmu, --python, --matlab(, --onnx)?, --mjcf", err)
+    assert re.search(
+        r"nothing is written; possible: --c, --fmu, --python, --matlab(, --onnx)?, --modelica, --mjcf", err
+    )
     assert not (joint / "both").exists()
 
 

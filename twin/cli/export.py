@@ -1,4 +1,4 @@
-"""`qpal export`: a fitted model as C, FMU, Python, MATLAB, ONNX, MJCF or a linear model."""
+"""`qpal export`: a fitted model as C, FMU, Python, MATLAB, ONNX, Modelica, MJCF or a linear model."""
 
 from pathlib import Path
 from typing import Annotated
@@ -26,6 +26,7 @@ def export(
     python: Annotated[bool, typer.Option("--python", help="a Python module that imports only math")] = False,
     matlab: Annotated[bool, typer.Option("--matlab", help="a MATLAB function file, which GNU Octave runs too")] = False,
     onnx: Annotated[bool, typer.Option("--onnx", help="an ONNX graph, for onnxruntime and others")] = False,
+    modelica: Annotated[bool, typer.Option("--modelica", help="a Modelica model that needs no library")] = False,
     control: Annotated[
         bool, typer.Option("--control", help="a Python file with the linear model as a control.TransferFunction")
     ] = False,
@@ -59,7 +60,7 @@ def export(
 ) -> None:
     """Write a fitted model as code, linear model, or MJCF.
 
-    The code is C99, an FMU, Python, MATLAB or ONNX; the MJCF is checked against the fit.
+    The code is C99, an FMU, Python, MATLAB, ONNX or Modelica; the MJCF is checked against the fit.
 
     The files take and give the units in their header (SI), at the levels of the record.
 
@@ -67,10 +68,12 @@ def export(
     Progress: each part.
     """
     flags = {"mjcf": mjcf or into is not None, "c": c, "fmu": fmu, "python": python, "matlab": matlab}
-    flags |= {"onnx": onnx, "control": control}
+    flags |= {"onnx": onnx, "modelica": modelica, "control": control}
     ways = [way for way, flag in flags.items() if flag]
     if not ways:
-        raise InputError("nothing to export to; add --mjcf, --c, --fmu, --python, --matlab, --onnx or --control")
+        raise InputError(
+            "nothing to export to; add --mjcf, --c, --fmu, --python, --matlab, --onnx, --modelica or --control"
+        )
     for option, given, way in (
         ("--at", at is not None, "control"),
         ("--single", single, "c"),

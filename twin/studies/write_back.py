@@ -15,7 +15,7 @@ from sysid.estimation.free_run import FAR, beyond, quiet
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.excitations.aprbs import Aprbs
-from sysid.export import c, fmu, matlab, mjcf, onnx, python
+from sysid.export import c, fmu, matlab, mjcf, modelica, onnx, python
 from sysid.fitting import load
 from sysid.joint.posterior import fit_joint
 from sysid.linear import linearize
@@ -172,7 +172,7 @@ def _stay(y: np.ndarray, span: float) -> int:
     return int(np.argmax(beyond_span)) if beyond_span.any() else len(y)
 
 
-WAYS = ("c", "fmu", "python", "matlab", "onnx", "control", "mjcf")
+WAYS = ("c", "fmu", "python", "matlab", "onnx", "modelica", "control", "mjcf")
 JOINT = "joint"  # the hinge of an MJCF that is given no name
 
 
@@ -206,7 +206,7 @@ def _refusal(source: Source, way: str, name: str | None, at: float | None) -> st
         elif way == "onnx":
             onnx.model(fit)
         else:
-            (matlab if way == "matlab" else c).source(fit, name or model_name(fit))
+            {"matlab": matlab, "modelica": modelica}.get(way, c).source(fit, name or model_name(fit))
     except InputError as error:
         return str(error)
     return ""
@@ -268,6 +268,8 @@ def write_back(
     if "onnx" in ways:
         graph = onnx.write(fit, folder / f"{name}.onnx").name
         files.append((graph, "ONNX: u and the state in, y and the state out, over any number of samples"))
+    if "modelica" in ways:
+        files.append((modelica.write(fit, folder / f"{name}.mo").name, "a Modelica model that needs no library"))
     tangent = None
     if "control" in ways:
         tangent = linearize.tangent_at(fit, at)
