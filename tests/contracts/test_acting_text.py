@@ -22,7 +22,7 @@ from sysid.drawing.figure import Axis, Bars, Figure, Line, Panel, Points, Rule, 
 from sysid.drawing.plotly import plotly
 from sysid.estimation.codec import lines
 from sysid.estimation.origin import Origin
-from sysid.export import c, fmu, matlab, python
+from sysid.export import c, fmu, matlab, modelica, onnx, python
 from sysid.report.page import Grid, Listing, Page, Picture, Section, packed, to_json
 from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study
 from twin.cli import console, environment, main
@@ -156,6 +156,16 @@ def matlab_source(log, fit, capsys):
     return matlab.source(fit)
 
 
+def modelica_source(log, fit, capsys):
+    return modelica.source(fit)
+
+
+def onnx_texts(log, fit, capsys):
+    pytest.importorskip("onnx", reason="onnx is in the onnx extra")
+    made = onnx.model(fit)
+    return "\n".join([made.doc_string, *(p.value for p in made.metadata_props)])
+
+
 def fmu_description(log, fit, capsys):
     import zipfile
 
@@ -185,7 +195,7 @@ def prompt(log, fit, capsys):
 
 SINKS = [
     terminal, error, table, foreign, page, zoomable, picture, stranger_of_a_figure, file, summary, model, mapping,
-    c_source, python_source, matlab_source, fmu_description, session, prompt,
+    c_source, python_source, matlab_source, modelica_source, onnx_texts, fmu_description, session, prompt,
 ]  # fmt: skip
 DATA = (summary, model, mapping, stranger_of_a_figure, picture)  # keep what is long, or cut it elsewhere
 
