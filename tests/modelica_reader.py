@@ -180,7 +180,7 @@ def expression(text):
 
 
 DECLARED = re.compile(
-    r"(?:(input|output|parameter|constant|discrete) )?(Real|Integer|Boolean|RealInput|RealOutput|\w+_values) (\w+)"
+    r"(?:(input|output|parameter|constant|discrete) )?(Real|Integer|Boolean|RealInput|RealOutput|Values_\w+) (\w+)"
     r"(?:\[([^]]*)\])?(\(.*?\))?(?: = ([^\"]*?))?(?: \"[^\"]*\")?;"
 )
 

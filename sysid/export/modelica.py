@@ -57,11 +57,11 @@ class _Text:
         """The whole model."""
         structs, name = self.structs, self.name
         n_in, n_out = structs.n_in, structs.n_out
-        functions = [function(f"{self.short[unit.name]}_step", self.codes[unit.name]) for unit in structs.units]
+        functions = [function(f"Step_{self.short[unit.name]}", self.codes[unit.name]) for unit in structs.units]
         helpers = [text for each, text in HELPERS.items() if any(f"{each}(" in f for f in functions)]
         records = [self.record(unit) for unit in structs.units if self.codes[unit.name].fields]
         own = [
-            f"  parameter {self.short[u.name]}_values {self.short[u.name]};"
+            f"  parameter Values_{self.short[u.name]} {self.short[u.name]};"
             for u in structs.units
             if self.codes[u.name].fields
         ]
@@ -104,7 +104,7 @@ class _Text:
 
     def record(self, unit: Unit) -> str:
         """The parameters of a unit."""
-        name = f"{self.short[unit.name]}_values"
+        name = f"Values_{self.short[unit.name]}"
         rows = [f"    {_declared(v, self.parameter(v))};" for v in self.structs.parameters(unit)]
         return "\n".join([f"  record {name}", *rows, f"  end {name};"])
 
@@ -122,7 +122,7 @@ class _Text:
         states = [f"{short}_{field}" for field in code.states]
         arguments += [f"pre({state})" for state in states]
         targets = f"({', '.join([target, *states])})" if states else target
-        return f"{targets} := {short}_step({', '.join(arguments)});"
+        return f"{targets} := Step_{short}({', '.join(arguments)});"
 
     def steps(self) -> tuple[list[str], list[str]]:
         """Declarations of what is held from sample to sample, and the statements of a sample."""

@@ -124,6 +124,7 @@ class _Model:
         return found
 
     def own_parameters(self, unit: Unit) -> Names:
+        """The fields of a unit's struct, each number an initializer."""
         names, own = Names(), {v.place: v.name for v in self.structs.parameters(unit)}
         for field, at in self.program.codes[unit.name].fields.items():
             each = [Tensor(own[k], "double") for k in ((at,) if isinstance(at, int) else at)]
@@ -132,12 +133,13 @@ class _Model:
 
     def sample(self, graph: Graph, now: dict[str, Names], signals: list[Value]) -> list[Value]:
         """One sample: values of all outputs; `now` moves on."""
-        for field, sign, ends in (("u_offset", "-", False), ("y_offset", "+", True)):
-            if ends:
-                signals = self.chain(graph, now, signals)
-            names = [n for n in self.parameters if n.startswith(field)]
-            signals = [graph.operation(sign, [s, Tensor(n, "double")]) for s, n in zip(signals, names, strict=True)]
-        return signals
+        signals = self.offset(graph, "-", "u_offset", signals)
+        return self.offset(graph, "+", "y_offset", self.chain(graph, now, signals))
+
+    def offset(self, graph: Graph, sign: str, field: str, signals: list[Value]) -> list[Value]:
+        """Signals with their offsets taken off or put on."""
+        names = [v.name for v in self.structs.offsets() if v.name.startswith(field)]
+        return [graph.operation(sign, [s, Tensor(n, "double")]) for s, n in zip(signals, names, strict=True)]
 
     def chain(self, graph: Graph, now: dict[str, Names], signals: list[Value]) -> list[Value]:
         """What comes out of the last block."""
