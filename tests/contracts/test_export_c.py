@@ -135,6 +135,15 @@ def test_names_that_mean_something_in_c_get_a_sign_behind_them(tmp_path):
     agrees(Compiled(fit, tmp_path, "long_name").run(u), fit.simulate(u))
 
 
+def test_a_state_may_begin_at_a_number_without_a_warning(tmp_path):
+    """The beginning reads no parameter, and the step no state but this one."""
+    from sysid.blocks import dynamic
+
+    text = "def begin(s, x, p):\n    s.level = 0.5\n\ndef step(s, x, p):\n    s.level += p.rate * (x - s.level)\n"
+    fit, u = made(Chain((dynamic(text + "    return s.level", {"rate": 0.3}),)), [0.3]), excitation()
+    agrees(Compiled(fit, tmp_path).run(u), fit.simulate(u))
+
+
 def test_several_channels_have_arrays(tmp_path):
     block, theta = BLOCKS["transfer_matrix"]
     fit, u = made(Chain((block,)), theta), excitation(2)
