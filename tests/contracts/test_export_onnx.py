@@ -116,6 +116,18 @@ def test_several_channels_through_several_blocks():
     agrees(Session(fit).run(u)[0], fit.simulate(u))
 
 
+def test_a_very_long_filter_is_a_loop_and_its_memory_is_moved_at_once():
+    block, u = TransferFunction(450, 0, 0, role="slow"), excitation(N=60)
+    theta = np.random.default_rng(0).normal(size=block.n_parameters)
+    fit = made(Chain((block,)), theta)
+    session = Session(fit)
+    agrees(session.run(u)[0], fit.simulate(u))
+    (scan,) = (node for node in session.proto.graph.node if node.op_type == "Scan")
+    kinds = [node.op_type for node in scan.attribute[0].g.node]
+    assert kinds.count("Loop") == 1
+    assert len(kinds) < 20
+
+
 @pytest.mark.parametrize("size", [(3, 100), (40, 0), (2, 41)])
 def test_large_sums_are_loops_and_long_memories_few_nodes(size):
     """A state space of many units, a filter of many coefficients, and a long delay."""
