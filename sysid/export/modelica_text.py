@@ -234,8 +234,7 @@ class _Function:
         op, args = e.op, e.args
         if op in _SIGNS:
             rank, wanted = _RANKS[op], "int" if op in ("&&", "||") else "double"
-            left = self.operand(wanted, args[0], rank + (rank == _RANKS["<"]))
-            return f"{left} {_SIGNS[op]} {self.operand(wanted, args[1], rank + 1)}"
+            return f"{self.operand(wanted, args[0], rank)} {_SIGNS[op]} {self.operand(wanted, args[1], rank + 1)}"
         if op == "neg":
             return f"-{self.show(args[0], 6)}"
         if op == "!":

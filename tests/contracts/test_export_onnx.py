@@ -14,6 +14,7 @@ from sysid.blocks import Channels, Delay, StateSpace, TransferFunction
 from sysid.export import c as export_c
 from sysid.export import onnx as export_onnx
 from sysid.export.c_tree import tree
+from sysid.export.onnx_graph import Array, Graph, Part, Tensor
 from sysid.model.chain import Chain
 
 onnx = pytest.importorskip("onnx", reason="onnx is in the onnx extra")
@@ -114,6 +115,13 @@ def test_several_channels_through_several_blocks():
     theta = block.vary(block.start(u), np.random.default_rng(0))
     fit = made(Chain((block,)), theta + 0.05)
     agrees(Session(fit).run(u)[0], fit.simulate(u))
+
+
+def test_a_row_of_parts_takes_together_only_what_stands_together():
+    graph = Graph(onnx.helper)
+    whole = Tensor("w", "double")
+    graph.row(Array("double", [Part(whole, 0), Part(whole, 1), Part(whole, 3), 2.0]))
+    assert [node.op_type for node in graph.nodes] == ["Slice", "Gather", "Concat"]
 
 
 def test_a_very_long_filter_is_a_loop_and_its_memory_is_moved_at_once():
