@@ -125,7 +125,7 @@ def test_a_row_of_parts_takes_together_only_what_stands_together():
 
 
 def test_a_very_long_filter_is_a_loop_and_its_memory_is_moved_at_once():
-    block, u = TransferFunction(450, 0, 0, role="slow"), excitation(N=60)
+    block, u = TransferFunction(450, 0, 0, role="slow"), excitation(N=460)
     theta = np.random.default_rng(0).normal(size=block.n_parameters)
     fit = made(Chain((block,)), theta)
     session = Session(fit)
