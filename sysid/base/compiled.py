@@ -6,9 +6,10 @@ of it that is cut, changed or of another version is compiled anew and written ag
 
 import hashlib
 import pickle
-from collections.abc import Callable
-from contextlib import suppress
-from typing import Any
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from threading import get_ident
+from typing import Any, ClassVar
 
 from numba import njit
 from numba.core import caching, event, sigutils
@@ -79,13 +80,22 @@ def _with_cache(made: Any, function: Callable) -> Any:
     return made
 
 
+class CompilationRefusedError(Exception):
+    """A loop that is on no disk yet was to be compiled where there is no time for that."""
+
+
 class _Compilations(event.Listener):
     """Counts what numba is compiling at the moment."""
 
     running = 0
+    refusing: ClassVar[dict[int, list[str]]] = {}  # by thread, what was refused in it
 
     def on_start(self, event: Any) -> None:
-        self.running += 1
+        self.running += 1  # its end comes also where this raises
+        refused = self.refusing.get(get_ident())
+        if refused is not None:
+            refused.append(str(event.data["dispatcher"]))
+            raise CompilationRefusedError("a loop would be compiled")
 
     def on_end(self, event: Any) -> None:
         self.running -= 1
@@ -93,6 +103,20 @@ class _Compilations(event.Listener):
 
 _compilations = _Compilations()
 event.register("numba:compile", _compilations)
+
+
+@contextmanager
+def refusing_compilation() -> Iterator[list[str]]:
+    """What would be compiled in this thread is refused with a `CompilationRefusedError`, and named in the list.
+
+    The list tells also of what a caller within has caught.
+    """
+    refused: list[str] = []
+    _Compilations.refusing[get_ident()] = refused
+    try:
+        yield refused
+    finally:
+        del _Compilations.refusing[get_ident()]
 
 
 def compiles() -> bool:

@@ -126,6 +126,10 @@ class Recipe(ABC):
         steps = [{name: step} for name in self.orders for step in (1, -1)]
         return tuple(recipe for step in steps if (recipe := self.stepped(**step)) is not None)
 
+    def parts(self, Ts: float) -> "dict[str, tuple[float, tuple[Recipe, ...]]]":
+        """By the words of a value that a part of the model has: its least value, and the same without such parts."""
+        return {}
+
     def stepped(self, **steps: int) -> "Recipe | None":
         """The same with its orders changed by `steps`; None below the least order."""
         orders = {name: self.orders[name] + step for name, step in steps.items()}

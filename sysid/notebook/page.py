@@ -31,9 +31,10 @@ from sysid.structures import TABLE
 from sysid.workflow.evaluation import check_parts, evaluate_fit
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
-from sysid.workflow.results import Evaluation, Identification, NextStep
+from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.saved import Exports
 from sysid.workflow.setting import Setting
+from sysid.workflow.steps import NextStep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -98,9 +98,10 @@ def _reason(result: Identification) -> str:
 
 def following(result: Identification, model: str = "") -> str:
     """The next step: a command, or what to record."""
+    if result.next is not None and NO_VALUE in result.next.why:  # the same command on the same file is no step
+        return f"Next: {result.next.why.rpartition(': ')[2]}; then {result.next.command}"
     if result.next is not None:
-        first = f"{result.next.why.rpartition(': ')[2]}; then " if NO_VALUE in result.next.why else ""
-        return f"Next: {first}{result.next.command}"  # the same command on the same file is no step
+        return "\n".join([result.next.line("Next"), *([result.also.line("Or")] if result.also else [])])
     if word(result) == POOR:
         actions = [a.action for a in result.advice if a.severity == "warning" and a.action]
         todo = actions[0] if actions else "record again with an input that shows more of the system"

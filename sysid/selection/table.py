@@ -196,6 +196,14 @@ def score(row: Row) -> tuple[bool, float, int]:
     return not row.whole or not np.isfinite(row.fit_percent), -row.fit_percent, row.d
 
 
+def larger(errors: np.ndarray, others: np.ndarray) -> bool:
+    """Whether mean squared errors (n,) of one model are larger than those of another on the same stretches, by more
+    than chance explains (paired t-test on their logarithms at 95 %)."""
+    gap = np.log(np.maximum(errors, 1e-300)) - np.log(np.maximum(others, 1e-300))
+    limit = float(stdtrit(len(gap) - 1, 0.975))
+    return float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(len(gap))
+
+
 def ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
     """Rows sorted best first, with those equal to the best marked, and the smallest of these.
 
@@ -205,14 +213,10 @@ def ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
     test on twenty segments that differ strongly has little power.
     """
     rows = sorted(judged.values(), key=score)
-    limit = float(stdtrit(BLOCKS - 1, 0.975))
-    best = np.log(np.maximum(rows[0].errors, 1e-300))
     out = []
     for k, r in enumerate(rows):
-        with np.errstate(invalid="ignore"):
-            gap = np.log(np.maximum(r.errors, 1e-300)) - best
-        finite = r.whole and bool(np.all(np.isfinite(gap)))
-        told = not finite or float(gap.mean()) > limit * float(gap.std(ddof=1)) / np.sqrt(BLOCKS)
+        finite = r.whole and bool(np.all(np.isfinite([r.errors, rows[0].errors])))
+        told = not finite or larger(r.errors, rows[0].errors)
         ratio = float(r.errors.mean()) / max(float(rows[0].errors.mean()), 1e-300) if finite else np.inf
         percent_below = rows[0].fit_percent - r.fit_percent if finite else np.inf
         told = (told and ratio > _SAME) or ratio > _NEAR or percent_below > _POINTS

@@ -1,7 +1,8 @@
 """Process: gain, time constants or a pair of poles, zero, integrator and delay, in seconds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 from sysid.base.checks import checked
@@ -26,6 +27,10 @@ def _kinds() -> dict[str, Process]:
 
 
 KINDS = _kinds()
+
+
+def _key(block: Any) -> tuple[Any, ...]:
+    return block.lags, block.pair, block.zero, block.integrator, block.delayed
 
 
 def _kind(name: str) -> Process:
@@ -61,6 +66,8 @@ class ProcessModel(Recipe):
     """Settings of `process`."""
 
     name: ClassVar[str] = "process"
+    searched: ClassVar[bool] = True
+    rungs: ClassVar[tuple[dict[str, Any], ...]] = tuple({"kind": kind} for kind in ("P1D", "P2D", "P2DU", "P1DI"))
     kind: str = choice("P1D", "P, number of lags, then D delay, I integrator, Z zero, U pair of poles", [*KINDS])
     offset: str = choice("free", "offset of the output, or of the input before an integrator", OFFSETS)
 
@@ -69,6 +76,40 @@ class ProcessModel(Recipe):
 
     def model_of(self, data: IOData) -> Chain:
         return self.model().sampled(data.Ts)
+
+    def neighbours(self) -> tuple[Recipe, ...]:
+        """One time constant more or less, a pair for two of them, and each of delay, integrator and zero or none."""
+        b = self._block
+        changes: list[dict[str, Any]] = [{"lags": 2, "pair": False}] if b.pair else []
+        changes += [] if b.pair else [{"lags": b.lags + 1}, {"lags": b.lags - 1}]
+        changes += [{"lags": 0, "pair": True}] if b.lags in (1, 2) else []
+        changes += [{name: not getattr(b, name)} for name in ("integrator", "delayed", "zero")]
+        return self._with(changes)
+
+    def parts(self, Ts: float) -> dict[str, tuple[float, tuple[Recipe, ...]]]:
+        b = self._block
+        fewer = self._with([{"lags": lags} for lags in range(b.lags)])
+        without = {"Td": self._with([{"delayed": False}]), "Tz": self._with([{"zero": False}])}
+        without |= dict.fromkeys(("T1", "T2", "T3"), fewer)
+        slots = (slot for slot in b.sampled(Ts).slots() if without.get(slot.name))
+        return {slot.words: (max(slot.lower, 0.0), without[slot.name]) for slot in slots}
+
+    @property
+    def _block(self) -> Process:
+        return _kind(self.kind)
+
+    def _with(self, changes: list[dict[str, Any]]) -> tuple["ProcessModel", ...]:
+        """The same with a change of the block, of those changes that give a kind."""
+        names = {_key(block): name for name, block in KINDS.items()}
+        keys = [_key(SimpleNamespace(**{**vars(self._block), **change})) for change in changes]
+        return tuple(replace(self, kind=names[key]) for key in keys if key in names)
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.kind}"
+
+    @property
+    def short(self) -> str:
+        return str(self)
 
     def in_words(self, fit: Any = None) -> str:
         return f"Process ({self.kind})"

@@ -2,56 +2,30 @@
 
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
-from sysid.base.errors import InputError, unknown
+from sysid.base.errors import InputError
 from sysid.channels.mapping import Range
-from sysid.channels.one_record import COLUMNS, as_one
 from sysid.channels.reading import Mapping
 from sysid.data.preparation import Preparation
 from sysid.data.record import IOData
 from sysid.data.table import Table
-from sysid.data.trends import with_offsets
-from sysid.diagnosis.advice import advise
-from sysid.formats import read_table
+from sysid.diagnosis.advice import Advice
 from sysid.model.recipes import Several
 from sysid.selection.select import select
 from sysid.selection.space import Space
-from sysid.selection.table import SECONDS, Selection
-from sysid.solver.searches import TABLE as SEARCHES
+from sysid.selection.table import Selection
 from sysid.structures import TABLE as STRUCTURES
-from sysid.workflow.evaluation import check_parts, evaluate, evaluate_fit, moves_in_one_part
-from sysid.workflow.next_step import advice_after_fit, next_step
-from sysid.workflow.plan import Plan, check_same_channels, merge_records, prepare_record
-from sysid.workflow.record import Record, read_record, with_places, without_wraps
+from sysid.workflow.advice_after_fit import advice_after_fit
+from sysid.workflow.evaluation import evaluate, evaluate_fit
+from sysid.workflow.next_step import proposals
+from sysid.workflow.record import Record, read_record
 from sysid.workflow.results import Evaluation, Identification, named_channels, without_validation
-from sysid.workflow.servo import with_servo, with_turn
-from sysid.workflow.setting import Setting, in_unit_of
+from sysid.workflow.setting import Setting
+from sysid.workflow.sources import Auto, Sources, named, records_of
+from sysid.workflow.trials import tried
 
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]]
-
-
-@dataclass(frozen=True)
-class Auto:
-    """A search over structures instead of one setting; `journal` keeps finished candidates if the run is stopped.
-
-    `seconds` is its budget. `scheduler` is the address of a Dask scheduler whose workers judge the candidates; local
-    processes do if None.
-    """
-
-    search: str = "auto"
-    starts: int = 5
-    seed: int = 0
-    journal: Path | None = None
-    scheduler: str | None = None
-    seconds: float = SECONDS
-
-    def __post_init__(self) -> None:
-        if not self.seconds > 0:
-            raise InputError(f"--seconds is {self.seconds:g}; give a positive number of seconds")
-        if self.search not in SEARCHES:
-            raise unknown("search", self.search, SEARCHES)
 
 
 def identify_file(
@@ -71,6 +45,7 @@ def identify_file(
     progress: Callable[[str], None] | None = None,
     validation: Sequence[str | os.PathLike[str]] = (),
     preparation: Preparation = Preparation(),  # noqa: B008 - it is frozen
+    trials: float | None = 0.0,
 ) -> Identification:
     """Reads the file, prepares both parts and fits `setting` to the first part; `fitting` is called before the fit.
 
@@ -82,7 +57,8 @@ def identify_file(
     search of a fit. Settings in the unit of the output are in that of its column. An angle that wraps at a turn counts
     on over turns for structures of absolute signals and
     for a search. `preparation` is done to every record. `detrend` None means what it says, else "none": the zero of the
-    output is a parameter of the structures. A saved start keeps its own zero. Every InputError names the file.
+    output is a parameter of the structures. A saved start keeps its own zero. `trials` is the budget [s] in which the
+    next steps are tried, see `sysid.workflow.trials.tried`. Every InputError names the file.
     """
     detrend = detrend or preparation.detrend
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "none"
@@ -93,78 +69,39 @@ def identify_file(
         return read_record(path, input, output, Ts, time, mapping, range, time_unit, preparation.missing)
 
     _check_once(paths, validation)
-    records, validation_records = _records(paths, read), _records(validation, read)
-    check_channels(setting, records[0])
-    name = records[0].path
-    try:
-        if isinstance(setting, Setting):
-            recipe, records[0] = in_unit_of(records[0], setting.recipe)
-            recipe, records[0] = with_servo(recipe, [*records, *validation_records])
-            records[0] = with_turn(recipe, records[0])
-            setting = replace(setting, recipe=recipe)
-        if isinstance(setting, Setting) and setting.recipe.moves:
-            records, validation_records = ([with_places(r) for r in rs] for rs in (records, validation_records))
-        absolute = isinstance(setting, Auto) or bool(setting.recipe.zero)
-        record = _merge_prepared(records, absolute, preparation)
-        validation_record = _merge_prepared(validation_records, absolute, preparation) if validation_records else None
-        if validation_record is not None:
-            check_same_channels(record, validation_record)
-            validation_record = replace(validation_record, data=replace(validation_record.data, Ts=record.data.Ts))
-        plan = Plan(preparation, 0.5 if split is None else split, detrend, validation_record)
-        estimation, validation_part = plan.parts(record.data)
-        if validation_record is None and moves_in_one_part(estimation, validation_part):
-            if split is not None:
-                raise InputError(
-                    f"with --split {split:g} the input moves in one of the two parts alone; choose another split, or "
-                    "leave --split out: where the halves are so too, as in a step test, all is used for the fit"
-                )
-            if isinstance(setting, Auto):
-                raise InputError(
-                    "the input moves in one half of the record alone, and a structure search fits each half and judges "
-                    "it by the other; name a structure, such as --structure output_error, or record again"
-                )
-            plan = replace(plan, whole=True)
-            estimation, validation_part = plan.parts(record.data)
-        start = setting.held.start if isinstance(setting, Setting) else None
-        if start is not None and detrend == "none":
-            zero = start.u_offset, start.y_offset
-            estimation = with_offsets(estimation, *zero)
-            validation_part = estimation if plan.whole else with_offsets(validation_part, *zero)
-        check_parts(estimation, validation_part)
-        findings = advise(record.data)
-        fitting()
+    sources = Sources(records_of(paths, read), records_of(validation, read), preparation)
+    check_channels(setting, sources.records[0])
+    prepared = sources.prepared(setting, split, detrend)
+    fitting()
+    with named(sources.records[0].path):
         if isinstance(setting, Auto):
-            selection, evaluation = _search(setting, estimation, validation_part, candidate, progress)
+            selection, evaluation = _search(setting, *prepared.parts, candidate, progress)
         else:
-            selection, evaluation = None, evaluate(setting, estimation, validation_part, progress)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
+            selection, evaluation = None, evaluate(prepared.setting, *prepared.parts, progress)
+    record, plan = prepared.record, prepared.plan
     if detrend == "linear" or (preparation.filter or (None,))[0]:
         # No offset undoes a line or a high-pass filter: a raw record has to be prepared alike.
         evaluation = replace(evaluation, fit=replace(evaluation.fit, u_offset=None, y_offset=None))
     evaluation = named_channels(without_validation(evaluation) if plan.whole else evaluation, record.signals)
     plan = replace(plan, detrend="none" if evaluation.setting.recipe.zero else detrend)
+    advice = tuple(_about(record, a, evaluation) for a in prepared.findings)
+    asked = None if isinstance(setting, Auto) else setting
+    result = Identification(record, plan, evaluation, advice, selection, asked=asked)
+
+    def attempt(setting: Setting, split: float | None, detrend: str) -> Evaluation:
+        part = sources.prepared(setting, split, setting.recipe.detrend(detrend), diagnose=False)
+        found = evaluate(part.setting, *part.parts, progress)
+        return without_validation(found) if part.plan.whole else found
+
+    steps = tried(result, proposals(result), attempt, trials)
+    return replace(result, next=next(iter(steps), None), also=steps[1] if len(steps) > 1 else None)
+
+
+def _about(record: Record, advice: Advice, e: Evaluation) -> Advice:
+    """The finding after a fit, with the record's files in its command."""
     first, *further_files = map(str, record.paths)
-    structure_and_fit = evaluation.setting.recipe, evaluation.judged_fit
-    advice = tuple(
-        a.of_file(first, (*(() if a.command == ("design",) else further_files), *record.options))
-        for a in (advice_after_fit(a, *structure_and_fit) for a in findings)
-    )
-    result = Identification(record, plan, evaluation, advice, selection)
-    return replace(result, next=next_step(result))
-
-
-def _records(paths: Sequence[str | os.PathLike[str]], read: Callable[..., Record]) -> list[Record]:
-    """The record of each file, or that of all where each holds one signal of it."""
-    if len(paths) < 2:
-        return [read(path) for path in paths]
-    first = read_table(paths[0])
-    if len(first.names) > COLUMNS:  # one after the other: long records have no room beside each other
-        return [read(first), *(read(path) for path in paths[1:])]
-    tables = [first, *(read_table(path) for path in paths[1:])]
-    if (table := as_one(tables)) is not None:
-        return [replace(read(table), beside=tuple(Path(path) for path in paths[1:]))]
-    return [read(table) for table in tables]
+    further = advice_after_fit(advice, e.setting.recipe, e.judged_fit)
+    return further.of_file(first, (*(() if further.command == ("design",) else further_files), *record.options))
 
 
 def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[str | os.PathLike[str]]) -> None:
@@ -175,13 +112,6 @@ def _check_once(paths: Sequence[str | os.PathLike[str]], validation: Sequence[st
         if place in places:
             raise InputError(f"{path} is given twice; name each file once, for the fit or with --validation")
         places.add(place)
-
-
-def _merge_prepared(records: Sequence[Record], absolute: bool, preparation: Preparation) -> Record:
-    """The records as they are fitted, as the experiments of one."""
-    if absolute:  # a structure of absolute angles
-        records = [without_wraps(record) for record in records]
-    return merge_records([prepare_record(record, preparation) for record in records], absolute)
 
 
 def check_channels(setting: Setting | Auto, record: Record) -> None:

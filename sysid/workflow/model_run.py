@@ -16,8 +16,8 @@ from sysid.estimation.free_run import beyond, quiet
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
-from sysid.workflow.results import NextStep
 from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks, unfit
+from sysid.workflow.steps import NextStep
 
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
 
@@ -66,7 +66,7 @@ class ModelRun:
             "not_scored": self.n_init,
             "residuals": self.tests.as_dict() if self.tests else None,
             "notes": list(self.notes),
-            "next": vars(self.next) if self.next else None,
+            "next": self.next.as_dict() if self.next else None,
             "versions": versions(),
         }
         if self.ahead is not None:
@@ -274,7 +274,7 @@ class Models:
                 for run in self.runs
             ],
             "notes": list(self.notes),
-            "next": vars(self.best.next) if self.best.next else None,
+            "next": self.best.next.as_dict() if self.best.next else None,
             "versions": versions(),
         }
 

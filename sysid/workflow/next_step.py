@@ -1,7 +1,7 @@
 """The next step after a poor fit: one sentence and one command, by rules on the fit and on the record."""
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,71 +11,79 @@ from sysid.base.errors import InputError
 from sysid.base.limits import MORE_STARTS
 from sysid.base.poles import Motion
 from sysid.data.record import IOData
-from sysid.diagnosis.finding import Advice
-from sysid.diagnosis.residuals import POOR, poor
+from sysid.diagnosis.residuals import CLOSE, POOR, poor
 from sysid.diagnosis.signals import NO_VALUE, WRAPS
 from sysid.model.recipes import Recipe
-from sysid.selection.table import SECONDS
 from sysid.structures import (
     ActuatedJoint,
     Armax,
-    Arx,
-    BoxJenkins,
-    Hammerstein,
     HammersteinWiener,
     NonlinearArx,
     NonlinearStateSpace,
     OutputError,
-    Wiener,
 )
+from sysid.workflow.advice_after_fit import holds
+from sysid.workflow.changes import STARTS, command
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
-from sysid.workflow.plan import Plan
-from sysid.workflow.remarks import JOINT_RECORD, extrapolated_signals, gain_remarks
-from sysid.workflow.results import Evaluation, Identification, NextStep
+from sysid.workflow.remarks import extrapolated_signals, gain_remarks
+from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.steps import NextStep
 
-STARTS = 5  # with fewer, another start may find more; from the second on it rarely does
 MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
-_CLASSES = {
-    OutputError.name: 0,
-    Armax.name: 1,
-    Arx.name: 0,
-    BoxJenkins.name: 1,
-    Hammerstein.name: 1,
-    Wiener.name: 1,
-    HammersteinWiener.name: 2,
-}
-_RICHER = 3  # every other structure
+
+_Rule = Callable[[Identification], "NextStep | Iterable[NextStep] | None"]
 
 
 def next_step(result: Identification) -> NextStep | None:
-    """The next step; None if the fit is good or the residuals are noise, and the record is what the model says.
+    """The first of `proposals` that has evidence in the record; None if the fit is good."""
+    return next((step for step in proposals(result) if not step.guess), None)
+
+
+def proposals(result: Identification) -> list[NextStep]:
+    """What may be tried next, first what is most likely to help; none if the fit is good or the residuals are noise,
+    and the record is what the model says.
 
     A fit is poor in validation by `sysid.diagnosis.residuals.poor`. A better fit has a next step if its search did not
-    converge or its residuals are coloured, except for an actuated joint: its residuals are rarely white, and no other
-    structure fits better.
+    converge, if its residuals are coloured and leave more than counts as nothing, or if a part of it is not determined;
+    but an actuated joint's residuals are rarely white, and no other structure fits better.
     """
     e = result.evaluation
     is_bad = poor(e.judged_fit, e.tests) or against_the_record(e)
-    rules: tuple[_Rule, ...] = ()
     if (first := _logging_fault(result, is_bad)) is not None:
-        return first
+        return [first]
     if not e.fit.stop.converged or (e.joint_fit is not None and e.joint_fit.stopped):
         longer_search = _more_time(result)
         if longer_search is not None:  # what else may be wrong is seen after the whole search
-            return longer_search
+            return [longer_search]
+    if (longer_search := _budget(result) if is_bad else None) is not None:
+        return [longer_search]
+    return list({step.command: step for rule in _rules(e, is_bad) for step in _steps(rule(result))}.values())
+
+
+def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
     if e.joint is not None and not e.joint.joint:
-        rules = (_no_joint,)
-    elif e.outputs:
-        rules = (_budget, _nonlinear, _uncovered_validation, _coverage, _more_starts, _general) if is_bad else ()
-    elif is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_budget, _ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _more_starts)
-        rules += (_search_structures, _other_kind)
-    elif not e.fit.stop.converged:
-        rules = (_more_starts,)
-    elif e.tests is not None and not e.tests.white and not isinstance(e.setting.recipe, ActuatedJoint):
-        rules = (_ends, _nonlinear, _search_structures)
-    return next((step for rule in rules if (step := rule(result)) is not None), None)
+        return (_no_joint,)
+    if e.outputs:
+        return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general) if is_bad else ()
+    if is_bad:  # what the structure cannot describe comes before what it has not seen
+        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _sizes)
+        return (*rules, _more_starts, _search_structures, _other_kind)
+    if not e.fit.stop.converged:
+        return (_more_starts, _undetermined)
+    is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
+    if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
+        return (_ends, _nonlinear, _delay, _undetermined, _offset, _sizes, _search_structures)
+    return (_undetermined,)
+
+
+def _steps(found: NextStep | Iterable[NextStep] | None) -> Iterable[NextStep]:
+    return () if found is None else (found,) if isinstance(found, NextStep) else found
+
+
+def _step(why: str, result: Identification, guess: bool = False, **change: Any) -> NextStep:
+    """The step that a change of the command is, which can be tried."""
+    return NextStep(why, command(result, **change), change, guess)
 
 
 def against_the_record(e: Evaluation) -> bool:
@@ -102,9 +110,6 @@ def _more_time(result: Identification) -> NextStep | None:
     return NextStep("the search ran out of time", f"{command(result)} --seconds {2.0 * seconds:g}")
 
 
-_Rule = Callable[[Identification], NextStep | None]
-
-
 def _budget(result: Identification) -> NextStep | None:
     """A search for structures whose time ended before it had tried them all: it goes on from its journal."""
     selection = result.selection
@@ -127,11 +132,11 @@ def _no_joint(result: Identification) -> NextStep | None:
         return NextStep("this record is too short to show a joint", shlex.join(words))
     reason = "the record is not that of an actuated joint"
     if result.selection is None:
-        return NextStep(reason, command(result, structure="auto"))
+        return _step(reason, result, structure="auto")
     if not poor(e.judged_fit, e.tests):  # it predicts better than what the search passed over
         return None
     reason = f"{reason}, which the search chose"
-    return NextStep(reason, command(result, structure=HammersteinWiener.name))
+    return _step(reason, result, structure=HammersteinWiener.name)
 
 
 def _ends(result: Identification) -> NextStep | None:
@@ -143,7 +148,7 @@ def _ends(result: Identification) -> NextStep | None:
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
     reason = f"{rests.partition(':')[0]}, and this model has no end stops"
-    return NextStep(reason, command(result, structure=ActuatedJoint.name))
+    return _step(reason, result, structure=ActuatedJoint.name)
 
 
 def _loop(result: Identification) -> NextStep | None:
@@ -157,7 +162,7 @@ def _loop(result: Identification) -> NextStep | None:
         return None
     else:
         reason = "the plant seems to integrate, or is not stable"
-    return NextStep(f"{reason}, where a free run says little", command(result, structure=Armax.name))
+    return _step(f"{reason}, where a free run says little", result, structure=Armax.name)
 
 
 def _in_loop(result: Identification) -> bool:
@@ -175,16 +180,10 @@ def _delay(result: Identification) -> NextStep | None:
     if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or _in_loop(result):
         return None
     delay, nk = int(delays[0]), recipe.orders["nk"]
-    if _holds(recipe, delay):
+    if holds(recipe, delay):
         return None
     reason = f"the output responds after {delay} sample(s), but the model's delay is {nk}"
-    return NextStep(reason, command(result, nk=delay))
-
-
-def _holds(recipe: Recipe, delay: int) -> bool:
-    """Whether a numerator of these orders can begin at the delay [samples]."""
-    nk = recipe.orders["nk"]
-    return nk <= delay < nk + recipe.orders["nb"]
+    return _step(reason, result, nk=delay)
 
 
 def _focus(result: Identification) -> NextStep | None:
@@ -192,9 +191,8 @@ def _focus(result: Identification) -> NextStep | None:
     recipe = result.evaluation.setting.recipe
     if not isinstance(recipe, NonlinearArx) or recipe.focus != "prediction":
         return None
-    return NextStep(
-        "the model was fitted for one-step-ahead prediction and its free-run fit is poor",
-        command(result, focus="simulation"),
+    return _step(
+        "the model was fitted for one-step-ahead prediction and its free-run fit is poor", result, focus="simulation"
     )
 
 
@@ -216,7 +214,7 @@ def _coverage(result: Identification) -> NextStep | None:
             reason = (
                 "the validation data leave the range of the estimation data; a longer estimation part covers more of it"
             )
-            return NextStep(reason, command(result, split=split))
+            return _step(reason, result, split=split)
     return None
 
 
@@ -239,7 +237,7 @@ def _nonlinear(result: Identification) -> NextStep | None:
     if not linear or result.selection is not None or not _nonlinear_record(result):
         return None
     reason = "the record is nonlinear, and this model is linear"
-    return NextStep(reason, command(result, structure=HammersteinWiener.name))
+    return _step(reason, result, structure=HammersteinWiener.name)
 
 
 def _nonlinear_record(result: Identification) -> bool:
@@ -251,143 +249,82 @@ def _more_starts(result: Identification) -> NextStep | None:
     stop, starts = result.evaluation.fit.stop, result.evaluation.setting.starts
     if result.evaluation.setting.held.start is not None:
         reason = "the search began at one saved fit only"
-        return NextStep(reason, command(result, starts=STARTS, anew=True))
+        return _step(reason, result, starts=STARTS, anew=True)
     wanted = STARTS if stop.converged else MORE_STARTS
     if starts >= wanted:
         return None
     reason = "the search had few starting points" if stop.converged else "the search did not converge"
-    return NextStep(f"{reason} ({starts} starts)", command(result, starts=wanted))
+    return _step(f"{reason} ({starts} starts)", result, starts=wanted)
 
 
 def _general(result: Identification) -> NextStep | None:
     """The most general structure of several inputs and outputs."""
     if isinstance(result.evaluation.setting.recipe, NonlinearStateSpace):
         return None
-    return NextStep("this structure does not explain the record", command(result, structure=NonlinearStateSpace.name))
+    return _step("this structure does not explain the record", result, structure=NonlinearStateSpace.name)
 
 
 def _search_structures(result: Identification) -> NextStep | None:
     """Another structure or size, by a search that validates candidates on data not used in their fit."""
-    e = result.evaluation
     if result.selection is not None:
         return None
-    reason = "this structure does not explain the record"
+    return _step(_lack(result.evaluation), result, structure="auto", starts=2)
+
+
+def _lack(e: Evaluation) -> str:
+    """What is wrong with a model of which no more is known."""
     if e.estimation_fit - e.validation_fit > OVERFITTED:
-        reason = (
-            "the two parts of the record differ"
-            if has_ample_samples(e.fit)
-            else "the model is too large for this record"
-        )
-    elif e.validation_fit >= POOR:
-        reason = "the residuals are coloured, so the model is incomplete"
-    return NextStep(reason, command(result, structure="auto", starts=2))
+        ample = has_ample_samples(e.fit)
+        return "the two parts of the record differ" if ample else "the model is too large for this record"
+    if e.judged_fit >= POOR:
+        return "the residuals are coloured, so the model is incomplete"
+    return "this structure does not explain the record"
+
+
+def _offset(result: Identification) -> NextStep | None:
+    """A model whose output is zero where its input is; means that were removed are those of no operating point."""
+    recipe = result.evaluation.setting.recipe
+    if getattr(recipe, "offset", "free") != "none" or result.selection is not None:
+        return None
+    return _step("the zero of the output is held", result, guess=True, offset="free")
+
+
+def _sizes(result: Identification) -> Iterable[NextStep]:
+    """The neighbours of the settings that have as many parameters or more; fewer where the model is too large."""
+    e = result.evaluation
+    recipe = e.setting.recipe
+    if result.selection is not None or isinstance(recipe, ActuatedJoint) or recipe.with_parts:
+        return
+    too_large = e.estimation_fit - e.validation_fit > OVERFITTED and not has_ample_samples(e.fit)
+    for neighbour in sorted(recipe.neighbours(), key=_size, reverse=not too_large):
+        if (_size(neighbour) < _size(recipe)) is too_large:
+            yield _step(_lack(e), result, guess=True, **_difference(recipe, neighbour))
+
+
+def _undetermined(result: Identification) -> Iterable[NextStep]:
+    """What the model is without the values whose interval holds the least that they can be."""
+    e = result.evaluation
+    recipe, values = e.setting.recipe, {value.name: value for value in e.values}
+    for name, (least, without) in recipe.parts(e.estimation.Ts).items():
+        value = values.get(name)
+        if value is not None and (value.low is None or value.high is None or value.low <= least <= value.high):
+            for smaller in without:
+                yield _step(f"{name} is not determined", result, **_difference(recipe, smaller))
+
+
+def _size(recipe: Recipe) -> int:
+    """That of its orders but a delay, or the number of its parameters."""
+    return sum(value for name, value in recipe.orders.items() if name != "nk") or len(recipe.model().names)
+
+
+def _difference(recipe: Recipe, other: Recipe) -> dict[str, Any]:
+    """The settings in which another recipe of the same structure differs."""
+    names = (*recipe.orders, *recipe.as_dict())
+    return {name: getattr(other, name) for name in names if getattr(other, name) != getattr(recipe, name)}
 
 
 def _other_kind(result: Identification) -> NextStep | None:
     """No block model was found; a nonlinear ARX model does not assume blocks. A search has tried it already."""
     if result.selection is not None and any(r.candidate.name == NonlinearArx.name for r in result.selection.rows):
         return None
-    return NextStep("no block structure explains the record", command(result, structure=NonlinearArx.name))
-
-
-def command(
-    result: Identification,
-    structure: str | None = None,
-    starts: int | None = None,
-    split: float | None = None,
-    anew: bool = False,
-    seconds: float | None = None,
-    **changed: Any,
-) -> str:
-    """The command that made `result`, with changes; a new `structure` uses its default orders and maps.
-
-    `seconds` are the budget of the same search over structures, which goes on from its journal.
-    `changed` are settings of the current structure; with them, or `anew`, the fit does not start from a saved one.
-    """
-    record, s = result.record, result.evaluation.setting
-    auto = result.selection is not None and structure is None
-    name = "auto" if auto else structure or s.recipe.name
-    held = s.held.without_start() if anew or changed or structure is not None else s.held
-    plan, files = result.plan, record.paths
-    words = ["qpal", "identify", *map(str, files), *record.options, *_preparation_options(plan), "--structure", name]
-    if structure is None and not auto:
-        words += [*_options(replace(s.recipe, **changed)), *held.options()]
-    # A structure whose record counts from zero has its own search, and nothing is removed from its record.
-    kept = held.start is not None  # a saved fit is the only start
-    lines = name == "auto" and result.detrend == "linear"  # which a search refuses
-    own = bool(s.recipe.zero) or name == ActuatedJoint.name
-    for option, value, default in (
-        ("--search", "auto" if structure or own else s.search, "auto"),
-        ("--split", "0.5" if plan.validation is not None else f"{split or result.split:g}", "0.5"),
-        ("--detrend", "none" if own or lines else result.detrend, "none"),
-        ("--starts", str(STARTS if kept else starts or (STARTS if structure else s.starts)), str(STARTS)),
-        ("--seed", str(s.seed), "0"),
-    ):
-        words += [] if value == default else [option, value]
-    selection = result.selection
-    if auto and selection is not None and (seconds or selection.budget) != SECONDS:
-        words += ["--seconds", f"{seconds or selection.budget:g}"]
-    if seconds is not None and selection is not None and selection.journal is not None:
-        words += ["--resume", str(selection.journal)]
-    return shlex.join(words)
-
-
-def _preparation_options(plan: Plan) -> list[str]:
-    """The options of what came before the fit, but the share and the offsets."""
-    words = list(replace(plan.preparation, detrend=None).options())
-    validation = plan.validation
-    for path in () if validation is None else validation.paths:
-        words += ["--validation", str(path)]
-    return words
-
-
-def _options(recipe: Recipe) -> list[str]:
-    """The options that give these settings."""
-    words = ["--orders", ",".join(map(str, recipe.orders.values()))] if recipe.orders else []
-    plain = type(recipe)()
-    for name, option in recipe.options().items():
-        value = getattr(recipe, name)
-        if option.kind != "order" and value != getattr(plain, name):
-            words += [f"--{name.replace('_', '-')}", f"{value:g}" if option.kind == "number" else value]
-    return words
-
-
-def _of_a_joint(advice: Advice, percent: float) -> Advice:
-    """The same of the input of a joint, which has no orders and no input map: what its record needs.
-
-    An input that is persistently exciting of order n has n / 2 frequencies (Ljung, System Identification, 1999, 13.2).
-    """
-    is_fine, sentence = advice.severity == "fine", advice.sentence.partition(":")[0]
-    if advice.topic == "excitation":
-        name, frequencies = sentence.partition(" is persistently")[0], int(np.ceil(advice.value / 2))
-        word = "frequency" if frequencies == 1 else "frequencies"
-        sentence = f"{name} has {frequencies} {word} {'or more' if is_fine else 'only'}"
-    if is_fine:
-        return replace(advice, sentence=sentence)
-    command = ("design",) if percent >= POOR else ()  # which refuses what is no joint
-    return replace(advice, sentence=sentence, action=JOINT_RECORD, call="", command=command)
-
-
-def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
-    """The finding without its action, if that names the fitted structure, or a weaker one than a structure that fits.
-
-    `percent` is the fit in validation. A delay that the fitted orders cannot hold names these orders with it.
-    """
-    if isinstance(fitted, ActuatedJoint) and advice.topic in ("excitation", "levels"):
-        return _of_a_joint(advice, percent)
-    words = advice.command
-    advised_structure = words[words.index("--structure") + 1] if "--structure" in words else ""
-    if not advised_structure:
-        return advice
-    if advice.topic == "delay" and np.isfinite(delay := advice.value):
-        if {"nb", "nk"} <= set(fitted.orders) and not _holds(fitted, int(delay)):
-            if delay == 0 and isinstance(fitted, Armax | Arx):  # the sentence says that a controller may do the same
-                return replace(advice, call="", command=())
-            with_delay: dict[str, Any] = {"nk": int(delay)}
-            options = _options(replace(fitted, **with_delay))
-            return replace(advice, call="", command=("identify", "--structure", fitted.name, *options))
-        return replace(advice, action="", call="", command=())
-    weaker = _CLASSES.get(advised_structure, _RICHER) < _CLASSES.get(fitted.name, _RICHER)
-    if advised_structure != fitted.name and not (weaker and percent >= POOR):
-        return advice
-    return replace(advice, action="", call="", command=())
+    return _step("no block structure explains the record", result, structure=NonlinearArx.name)

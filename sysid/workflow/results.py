@@ -22,6 +22,7 @@ from sysid.uncertainty.intervals import Root
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import Record
 from sysid.workflow.setting import Setting
+from sysid.workflow.steps import NextStep
 
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 
@@ -234,18 +235,6 @@ class Evaluation:
         return summary
 
 
-@dataclass(frozen=True)
-class NextStep:
-    """The reason for another step, and its command."""
-
-    why: str
-    command: str
-
-    def sentence(self) -> str:
-        """Both as text for the report and the console."""
-        return f"Next: {self.why}; try: {self.command}"
-
-
 def without_validation(e: Evaluation) -> Evaluation:
     """The evaluation of a model whose record was all used for the fit: no number of unseen data, and a note says so."""
     note = (
@@ -264,8 +253,8 @@ def without_validation(e: Evaluation) -> Evaluation:
 class Identification:
     """The record with its diagnosis, the plan by which it was prepared and split, and the model with its tests.
 
-    `selection` is the structure search that gave the model, None if the structure was given. `next` is the next step,
-    None if the fit is good.
+    `selection` is the structure search that gave the model, None if the structure was given. `asked` is the setting
+    before the record added to it. `next` is the next step, None if the fit is good; `also` another one.
     """
 
     record: Record
@@ -274,6 +263,8 @@ class Identification:
     advice: tuple[Advice, ...] = ()
     selection: Selection | None = None
     next: NextStep | None = None
+    asked: Setting | None = None
+    also: NextStep | None = None
 
     @property
     def split(self) -> float:
@@ -292,7 +283,8 @@ class Identification:
             **self.evaluation.as_dict(),
             "selection": self.selection.as_dict() if self.selection else None,
             "advice": [vars(a) for a in self.advice],
-            "next": vars(self.next) if self.next else None,
+            "next": self.next.as_dict() if self.next else None,
+            "also": self.also.as_dict() if self.also else None,
             "versions": versions(),
         }
 

@@ -26,11 +26,12 @@ def test_the_page_and_the_console_begin_with_what_a_bad_model_is_good_for(tmp_pa
     y = lfilter([0.0] * 20 + [0.3], [1.0, -0.7], u) + 0.01 * np.random.default_rng(1).normal(size=1200)
     np.savetxt("my log.csv", np.column_stack([u, y]), delimiter=",")
     given = ["identify", "my log.csv", "--ts", "0.1", "--structure", "output_error", "--starts", "1", "--out", "out"]
-    command = "Next: qpal identify 'my log.csv' --ts 0.1 --structure output_error --orders 1,1,20"
+    command = "qpal identify 'my log.csv' --ts 0.1 --structure output_error --orders 1,1,20"
     assert main([*given, "--orders", "1,1,1"]) == 0
     out = " ".join(capsys.readouterr().out.split())
     html = re.sub(r"<[^>]+>", " ", Path("out/report.html").read_text(encoding="utf-8").replace("&#39;", "'"))
     text = " ".join(html.split())
+    assert re.search(r"Next, 9\d\.\d\d % instead of \d+\.\d\d %: qpal identify", out)
     for said in (text, out):
         reason = said.index("Do not use this model: the output responds after 20")
         assert said.index("poor") < reason < said.index(command)

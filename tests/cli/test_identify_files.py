@@ -9,10 +9,11 @@ from scipy.signal import lfilter
 
 from sysid.data.preparation import Preparation
 from sysid.structures import OutputError
-from sysid.workflow.identification import _merge_prepared, identify_file
-from sysid.workflow.next_step import command
+from sysid.workflow.changes import command
+from sysid.workflow.identification import identify_file
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Setting
+from sysid.workflow.sources import merge_prepared
 from twin.cli import main
 
 POLES = [0.6, 0.9]
@@ -178,7 +179,7 @@ def test_inputs_of_several_files_that_differ_are_told_where_they_do_as_it_says(p
         u, y = plant(2)
         u[3] = way * pulse
         records.append(read_record(save(tmp_path / f"{way}.csv", u + way * 3.0, y)))
-    merged, joint = (_merge_prepared(records, absolute, Preparation()) for absolute in (False, True))
+    merged, joint = (merge_prepared(records, absolute, Preparation()) for absolute in (False, True))
     assert any("levels of the inputs differ" in note for note in merged.notes) == (pulse == 0.0)
     assert not any("levels" in note for note in joint.notes)
 

@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 import sysid
 from sysid.data.trends import steady_level
 from sysid.structures import HammersteinWiener, OutputError, Wiener
+from sysid.workflow.changes import command
 from sysid.workflow.identification import identify_file
-from sysid.workflow.next_step import command
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Held, Setting, read_start, settings_of
 from twin.cli import main

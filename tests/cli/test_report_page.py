@@ -22,9 +22,9 @@ from sysid.report.answer import WORDS
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.identification import identify_file
-from sysid.workflow.results import NextStep
 from sysid.workflow.saved import Exports
 from sysid.workflow.setting import Setting
+from sysid.workflow.steps import NextStep
 
 pytestmark = pytest.mark.pixels
 

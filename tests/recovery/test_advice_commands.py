@@ -21,7 +21,7 @@ from sysid.excitations import Prbs
 from sysid.model.recipes import Several
 from sysid.structures import TABLE as STRUCTURES
 from sysid.structures import OutputError
-from sysid.workflow.next_step import advice_after_fit
+from sysid.workflow.advice_after_fit import advice_after_fit
 from twin.cli import main
 from twin.cli.app import build
 

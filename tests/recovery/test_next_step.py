@@ -22,8 +22,9 @@ from sysid.diagnosis.residuals import poor, residual_tests
 from sysid.joint.posterior import _warnings
 from sysid.selection.table import Selection
 from sysid.structures import ActuatedJoint, OutputError
+from sysid.workflow.advice_after_fit import advice_after_fit
 from sysid.workflow.identification import identify_file
-from sysid.workflow.next_step import _more_starts, advice_after_fit, next_step
+from sysid.workflow.next_step import _more_starts, next_step
 from sysid.workflow.remarks import JOINT_RECORD, warnings_of
 from sysid.workflow.setting import Setting
 from twin.cli import main
@@ -134,7 +135,10 @@ def test_a_first_part_that_does_not_cover_the_range(seed, capsys):
     better = followed(poor, capsys)
     assert better["fit_percent"]["validation"] > poor["fit_percent"]["validation"] + 10.0
     linear = identified([*arguments, "--structure", "output_error"], capsys)
-    assert option(linear, "--structure") not in ("output_error", None)  # no part makes a saturation linear
+    if option(linear, "--split"):  # it covers more, and is still poor: no part makes a saturation linear
+        linear = followed(linear, capsys)
+    assert linear["fit_percent"]["validation"] < 80.0
+    assert option(linear, "--structure") not in ("output_error", None)
 
 
 @pytest.mark.parametrize("seed", often(3, 1))
@@ -177,7 +181,7 @@ def test_the_console_and_the_report_say_it(capsys):
         out = " ".join(capsys.readouterr().out.split())
         html = Path("out/report.html").read_text(encoding="utf-8")
         for text in (out, re.sub("<[^>]*>", "", html)):
-            assert ("Next: qpal identify log.csv" in text) is said
+            assert bool(re.search(r"Next, 9\d\.\d\d % instead of [−\d.]+ %: qpal identify log.csv", text)) is said
             assert ("--orders 1,1,7" in text) is said
 
 

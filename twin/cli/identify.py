@@ -90,6 +90,10 @@ def identify(
         options.number("S", f"budget of the search, which ends with the best so far [none; auto {SECONDS:g}]"),
     ] = None,
     scheduler: options.Scheduler = None,
+    trials: Annotated[
+        float | None,
+        options.number("S", "seconds in which next steps are tried; 0: none [as long as the fit, at least 2]"),
+    ] = None,
     out: options.Out = None,
     as_json: options.Json = False,
     **settings: Any,
@@ -153,6 +157,7 @@ def identify(
             progress=console.Searches(step),
             validation=paths_from(validation or ()),
             preparation=preparation,
+            trials=trials,
         )
         step("drawing")
         exports = export(result.evaluation, scratch, result.record.signals)

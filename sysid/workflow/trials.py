@@ -1,0 +1,162 @@
+"""What is said to try next is tried first, within a budget of time: its gain is quoted, and what does not help is left.
+
+A step helps where it leaves clearly less of the same unseen samples: by more than chance explains (the paired test of
+the structure search) and by more than counts as nothing. A smaller model helps where it predicts as well and BIC
+prefers it (Schwarz 1978, Annals of Statistics 6). Without unseen samples BIC decides alone.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.base.compiled import CompilationRefusedError, refusing_compilation
+from sysid.base.errors import InputError
+from sysid.data.record import IOData
+from sysid.diagnosis.residuals import CLOSE, poor
+from sysid.estimation.result import Fit
+from sysid.nlarx.result import NlarxFit
+from sysid.selection.table import BLOCKS, SECONDS, larger
+from sysid.workflow.changes import AUTO, changed_setting, detrend_after
+from sysid.workflow.next_step import against_the_record
+from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.setting import Setting
+from sysid.workflow.steps import Gain, NextStep
+
+LEAST = 2.0  # [s] of a budget that is not given: a linear model takes a tenth of it, one with maps most of it
+REACH = 1.5  # times what the best step leaves, within which another one is said too, as a structure search goes on
+Attempt = Callable[[Setting, float | None, str], Evaluation]  # of a setting, a split and what is removed
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A step with its evaluation; `left` [points of fit] is what it leaves, counted in those that the result leaves."""
+
+    step: NextStep
+    evaluation: Evaluation
+    left: float
+
+
+def tried(
+    result: Identification, steps: Sequence[NextStep], attempt: Attempt, seconds: float | None = None
+) -> tuple[NextStep, ...]:
+    """At most two of the steps: those that help, the best first; else those that have evidence and were not tried.
+
+    `seconds` is the budget for all of them; None for as long as the fit took, and at least `LEAST`, in which nothing
+    is compiled. 0 tries nothing.
+    """
+    budget = max(LEAST, result.evaluation.fit.seconds) if seconds is None else seconds
+    # What has evidence comes before a guess, and the same structure before another one, which costs more.
+    end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
+    for step in sorted(steps, key=lambda step: (step.guess, "structure" in step.change)):
+        remaining = end - time.monotonic()
+        outcome = _try(result, step, attempt, remaining, may_compile=seconds is not None) if budget else step
+        if isinstance(outcome, _Trial):
+            helpful.append(outcome)
+        elif outcome is not None:
+            missed.append(outcome)
+    order = [step.command for step in steps]
+    untried = sorted((step for step in missed if not step.guess), key=lambda step: order.index(step.command))
+    if not helpful:
+        return tuple(untried[:2])
+    # Of steps whose gains are alike the smallest model is said, and of those the first.
+    alike = [t for t in helpful if t.left <= min(trial.left for trial in helpful) + CLOSE]
+    best = min(alike, key=lambda t: (t.evaluation.fit.criteria.d, order.index(t.step.command)))
+    others = [t for t in helpful if t.step.why != best.step.why and t.left <= REACH * best.left]
+    if others:
+        return best.step, min(others, key=lambda t: t.left).step
+    return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, best.evaluation.tests) else ()))
+
+
+def _try(
+    result: Identification, step: NextStep, attempt: Attempt, seconds: float, may_compile: bool
+) -> _Trial | NextStep | None:
+    """The trial of a step that helps; the step where it was not tried, with the reason; None of one without a gain."""
+    change = dict(step.change)
+    if not change:
+        return step
+    if change.get("structure") == AUTO:
+        return replace(step, missed=f"it takes up to {SECONDS:g} s")
+    split = change.pop("split", None) or result.split
+    setting = changed_setting(result, **change)
+    if seconds <= 0 or _expected(result, setting) > REACH * seconds:
+        return replace(step, missed="no time for it")
+    setting = replace(setting, seconds=seconds)
+    refused: list[str] = []
+    try:
+        if may_compile:
+            e = attempt(setting, None if split == 0.5 else split, detrend_after(result, setting.recipe.name))
+        else:
+            with refusing_compilation() as refused:
+                e = attempt(setting, None if split == 0.5 else split, detrend_after(result, setting.recipe.name))
+    except CompilationRefusedError:
+        pass
+    except InputError:  # the command would be refused too
+        return None if not refused else replace(step, missed="it has to be compiled first")
+    if refused:
+        return replace(step, missed="it has to be compiled first")
+    is_cut = e.fit.seconds >= setting.seconds or (e.joint_fit is not None and bool(e.joint_fit.stopped))
+    gain = gain_of(result, step, e)
+    if gain is None:
+        return replace(step, missed="no time for it") if is_cut else None
+    base = 100.0 - result.evaluation.judged_fit
+    left = (
+        base * (100.0 - gain.fit) / max(100.0 - gain.instead, 1e-9) if np.isfinite(gain.instead) else 100.0 - gain.fit
+    )
+    return _Trial(replace(step, gain=replace(gain, at_least=is_cut)), e, left)
+
+
+def _expected(result: Identification, setting: Setting) -> float:
+    """How long [s] a fit of the same structure takes, by that of the result; 0 of another one, which is not known."""
+    s = result.evaluation.setting
+    return result.evaluation.fit.seconds * setting.starts / s.starts if setting.recipe.name == s.recipe.name else 0.0
+
+
+def gain_of(result: Identification, step: NextStep, other: Evaluation) -> Gain | None:
+    """What a step brings on the data that its command judges it by; None where it does not help."""
+    e = result.evaluation
+    if (other.joint is not None and not other.joint.joint) or against_the_record(other):
+        return None
+    if e.growing is not None and other.growing is None:  # the fit of a free run beside that of a prediction
+        return None
+    data, of = e.validation, ""
+    if (split := step.change.get("split")) is not None:
+        data, of = (
+            replace(result.plan, split=split).parts(result.record.data)[1],
+            f"on the last {100 * (1 - split):.0f} %,",
+        )
+    ahead = None if other.growing is None else other.growing.horizon
+    of = of if other.growing is None else f"predicted {other.growing.ahead},"
+    instead = e.judged_fit
+    if ahead is not None and not isinstance(e.fit, Fit):
+        return None
+    if isinstance(e.fit, Fit) and ahead is not None:
+        instead = e.fit.prediction_percent(data, horizon=ahead)
+    elif data is not e.validation:
+        instead = e.fit.fit_percent(data)
+    gain = Gain(other.judged_fit, instead, of)
+    return gain if _helps(e, other, gain, data, ahead) else None
+
+
+def _helps(e: Evaluation, other: Evaluation, gain: Gain, data: IOData, ahead: int | None) -> bool:
+    a, b = e.fit.criteria, other.fit.criteria
+    is_better = not gain.fit < gain.instead + CLOSE if np.isfinite(gain.instead) else np.isfinite(gain.fit)
+    by_bic = a.N == b.N and e.fit.predicts == other.fit.predicts and b.bic < a.bic
+    if b.d < a.d and by_bic and not poor(e.judged_fit, e.tests):
+        return gain.fit > gain.instead - CLOSE
+    if not e.unseen:
+        return is_better and by_bic
+    errors = [_errors(each.fit, part, ahead) for each, part in ((e, data), (other, other.validation))]
+    stretches = [np.array_split(squares, BLOCKS) for squares in errors]
+    means = np.array([[s.mean() if len(s) else np.nan for s in each] for each in stretches])
+    means = means[:, np.isfinite(means[1]) & ~np.isnan(means[0])]
+    return is_better and means.shape[1] > 1 and (not np.isfinite(means[0]).all() or larger(means[0], means[1]))
+
+
+def _errors(fit: Fit | NlarxFit, data: IOData, ahead: int | None) -> np.ndarray:
+    """Squared errors (n,) of the samples that are measured, in the variance of each output."""
+    run = fit.simulate(data) if ahead is None else fit.predict(data, horizon=ahead)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = (data.y - np.reshape(run, data.y.shape)) ** 2 / np.var(data.y, axis=0)
+        return squares[data.observed.all(axis=1)].mean(axis=1)
