@@ -62,7 +62,7 @@ def final_fit(
 
 def _best_fit(row: Row, data: IOData, search: str, seed: int, effort: Effort) -> AnyFit:
     """The better of a fit from the usual starts and one from the fits to the parts."""
-    model = row.candidate.model()
+    model = row.candidate.model_of(data)
     usual = fitted(row.candidate, data, search, seed, replace(effort, seconds=_USUAL_SHARE * effort.seconds))
     if not isinstance(model, Chain) or not isinstance(usual, Fit) or not row.thetas:
         return usual

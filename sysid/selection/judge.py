@@ -53,10 +53,11 @@ _MORE = (4, 8)  # times the starts
 
 def fitted(c: Recipe, data: IOData, search: str, seed: int, effort: Effort, deadline: float = np.inf) -> AnyFit:
     """The candidate fitted to a record that is on its own scale."""
-    _compile(c.model())
+    model = c.model_of(data)
+    _compile(model)
     options = Options(max_iterations=effort.iterations, max_seconds=effort.seconds, deadline=deadline)
     method = c.auto if search == "auto" else search
-    starts, model = max(effort.starts, c.least_starts), c.model()
+    starts = max(effort.starts, c.least_starts)
     if starts == 1 and isinstance(model, Chain):  # a look: the first own start, without the portfolio's screening
         point = np.array(make_starts(model, data, 1, seed))
         return fit_chain(model, data, search=method, seed=seed, options=options, start=point, objective=_LOOK)

@@ -37,6 +37,19 @@ class _Trial:
     evaluation: Evaluation
     left: float
 
+    def like(self, best: "_Trial") -> bool:
+        """Whether it leaves hardly more than the best, and no more than chance explains where both saw the same."""
+        near = self.left <= best.left + CLOSE
+        if (
+            not near
+            or self is best
+            or not self.evaluation.unseen
+            or "split" in {**self.step.change, **best.step.change}
+        ):
+            return near
+        parts = [(trial.evaluation, trial.evaluation.validation) for trial in (self, best)]
+        return not larger(*_stretches(parts, None))
+
 
 def tried(
     result: Identification, steps: Sequence[NextStep], attempt: Attempt, seconds: float | None = None
@@ -61,7 +74,8 @@ def tried(
     if not helpful:
         return tuple(untried[:2])
     # Of steps whose gains are alike the smallest model is said, and of those the first.
-    alike = [t for t in helpful if t.left <= min(trial.left for trial in helpful) + CLOSE]
+    first = min(helpful, key=lambda t: t.left)
+    alike = [t for t in helpful if t.like(first)]
     best = min(alike, key=lambda t: (t.evaluation.fit.criteria.d, order.index(t.step.command)))
     others = [t for t in helpful if t.step.why != best.step.why and t.left <= REACH * best.left]
     if others:
@@ -147,11 +161,17 @@ def _helps(e: Evaluation, other: Evaluation, gain: Gain, data: IOData, ahead: in
         return gain.fit > gain.instead - CLOSE
     if not e.unseen:
         return is_better and by_bic
-    errors = [_errors(each.fit, part, ahead) for each, part in ((e, data), (other, other.validation))]
-    stretches = [np.array_split(squares, BLOCKS) for squares in errors]
+    if not is_better:
+        return False
+    before, after = _stretches([(e, data), (other, other.validation)], ahead)
+    return len(before) > 1 and (not np.isfinite(before).all() or larger(before, after))
+
+
+def _stretches(parts: Sequence[tuple[Evaluation, IOData]], ahead: int | None) -> np.ndarray:
+    """Mean squared errors (2, n) of two models on the same stretches, without those where the second has none."""
+    stretches = [np.array_split(_errors(e.fit, data, ahead), BLOCKS) for e, data in parts]
     means = np.array([[s.mean() if len(s) else np.nan for s in each] for each in stretches])
-    means = means[:, np.isfinite(means[1]) & ~np.isnan(means[0])]
-    return is_better and means.shape[1] > 1 and (not np.isfinite(means[0]).all() or larger(means[0], means[1]))
+    return means[:, np.isfinite(means[1]) & ~np.isnan(means[0])]
 
 
 def _errors(fit: Fit | NlarxFit, data: IOData, ahead: int | None) -> np.ndarray:

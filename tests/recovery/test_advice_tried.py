@@ -1,0 +1,189 @@
+"""What is said to try next was tried: its gain is what its command then prints, on plants whose answer is known."""
+
+import json
+import shlex
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from often import often
+from scipy.signal import cont2discrete, lfilter
+
+import sysid.workflow.identification as identification
+from sysid.base.compiled import CompilationRefusedError, kernel, refusing_compilation
+from sysid.base.errors import InputError
+from sysid.report.identify_answer import answer
+from sysid.structures import OutputError, ProcessModel
+from sysid.workflow.changes import command
+from sysid.workflow.identification import identify_file
+from sysid.workflow.next_step import proposals
+from sysid.workflow.setting import Setting
+from sysid.workflow.trials import gain_of, tried
+from twin.cli import main
+
+TS, N = 0.1, 600
+ENOUGH = ["--trials", "300"]  # for whatever is tried, on a machine that has compiled nothing
+
+
+def steps_of(seed: int, hold: int = 20) -> np.ndarray:
+    return np.repeat(np.random.default_rng(seed).uniform(-1.0, 1.0, N // hold), hold)
+
+
+def lags(u: np.ndarray, *times: float, delay: int = 0) -> np.ndarray:
+    """The response of first-order lags in series, gain 2, to u held over each sample."""
+    den = np.ones(1)
+    for T in times:
+        den = np.convolve(den, [T, 1.0])
+    b, a, _ = cont2discrete(([2.0], den), TS)
+    return np.concatenate([np.zeros(delay), lfilter(b.ravel(), a, u)])[: len(u)]
+
+
+def bent(u: np.ndarray) -> np.ndarray:
+    return np.sign(u) * np.minimum(np.abs(u), 0.3) + u**2
+
+
+FIRST = ["output_error", "--orders", "1,1,1"]
+# The plant, what is asked for, and an option of the answer with what it has to say; None where it is the default.
+CASES = {
+    "orders": (lambda u: lags(u, 1.0, 0.5), FIRST, "--orders", "2,2,1"),
+    "delay": (lambda u: lags(u, 0.3, delay=7), FIRST, "--orders", "1,1,8"),
+    "map": (lambda u: lags(bent(u), 1.0), FIRST, "--structure", "hammerstein_wiener"),
+    "offset": (
+        lambda u: lags(u, 1.0) + 25.0,
+        ["output_error", "--orders", "1,1,1", "--offset", "none"],
+        "--offset",
+        None,
+    ),
+    "too few lags": (lambda u: lags(u, 1.0, 0.6, delay=3), ["process", "--kind", "P1D"], "--kind", "P2D"),
+    "too many lags": (lambda u: lags(u, 1.0, delay=3), ["process", "--kind", "P2D"], "--kind", None),
+}
+
+
+def written(y: np.ndarray, u: np.ndarray, seed: int) -> str:
+    noise = 0.02 * np.std(y) * np.random.default_rng(seed + 100).standard_normal(N)
+    rows = np.column_stack([TS * np.arange(N), u, y + noise])
+    np.savetxt("log.csv", rows, delimiter=",", header="time [s],u [V],y [degC]", comments="", fmt="%.9g")
+    return "log.csv"
+
+
+def identified(arguments: list[str], capsys) -> dict:
+    assert main(["identify", *arguments, "--json", "--out", "out"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.fixture(autouse=True)
+def _folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("seed", often(5, 1))
+@pytest.mark.parametrize("case", CASES)
+def test_the_gain_that_is_quoted_is_what_the_command_prints(case, seed, capsys):
+    plant, asked, option, wanted = CASES[case]
+    u = steps_of(seed)
+    first = identified([written(plant(u), u, seed), "--structure", *asked, *ENOUGH], capsys)
+    step = first["next"]
+    words = shlex.split(step["command"])
+    said = words[words.index(option) + 1] if option in words else None
+    assert said == wanted
+    then = identified([*words[2:], "--trials", "0"], capsys)
+    fits = [s["fit_percent"]["validation"] for s in (first, then)]
+    assert step["gain"] == {"fit_percent": pytest.approx(fits[1]), "instead_of": pytest.approx(fits[0])}
+    if case == "too many lags":
+        assert "is not determined" in step["why"]
+        assert then["criteria"]["bic"] < first["criteria"]["bic"]
+    else:
+        assert fits[1] > fits[0] + 0.5
+
+
+def fitted(recipe, y=None, seed=0, **options):
+    u = steps_of(seed)
+    return identify_file(written(lags(u, 1.0, 0.5) if y is None else y, u, seed), Setting(recipe, starts=1), **options)
+
+
+@pytest.mark.parametrize(("recipe", "trials"), [(OutputError(2, 2, 1), None), (OutputError(1, 1, 1), 0.0)])
+def test_a_good_fit_costs_nothing_more_and_no_budget_tries_nothing(recipe, trials, monkeypatch):
+    fits, whole = [], identification.evaluate
+    monkeypatch.setattr(identification, "evaluate", lambda *a, **k: fits.append(a) or whole(*a, **k))
+    result = fitted(recipe, trials=trials)
+    assert len(fits) == 1
+    assert (result.next is None) is (recipe.nf == 2)
+
+
+def test_what_does_not_help_is_not_said_and_what_was_not_tried_is_said_so():
+    result = fitted(OutputError(1, 1, 1))
+    steps = proposals(result)
+    assert [step.change.get("structure") for step in steps if not step.guess] == ["auto"]
+    outcome = tried(result, steps, lambda *_: result.evaluation, 100.0)
+    assert [step.command for step in outcome] == [command(result, structure="auto", starts=2)]
+    assert outcome[0].gain is None
+    shown = answer(replace(result, next=outcome[0]))
+    assert shown.next.startswith("Next, not tried, it takes up to 110 s: qpal identify")
+
+    def refused(*_):
+        raise InputError("no such model")
+
+    assert tried(result, steps, refused, 100.0) == outcome
+
+
+def test_a_search_that_its_time_ends_has_at_least_its_gain():
+    result, better = fitted(OutputError(1, 1, 1)), fitted(OutputError(2, 2, 1)).evaluation
+    taken = []
+
+    def slow(setting, split, detrend):
+        taken.append((setting, split, detrend))
+        return replace(better, fit=replace(better.fit, seconds=setting.seconds))
+
+    (step,) = tried(result, proposals(result), slow, 100.0)
+    assert step.gain.at_least
+    assert f"at least {better.judged_fit:.2f} % instead of {result.evaluation.judged_fit:.2f} %" in step.line("Next")
+    assert all(0.0 < setting.seconds <= 100.0 and split is None for setting, split, _ in taken)
+
+
+def test_two_steps_at_most_are_said_and_of_equal_ones_the_smallest_model_first():
+    result = fitted(OutputError(1, 1, 1))
+    small, large = (fitted(recipe).evaluation for recipe in (OutputError(2, 2, 1), OutputError(3, 3, 1)))
+    outcome = tried(result, proposals(result), lambda s, *_: large if s.recipe.nb == 2 else small, 100.0)
+    assert "--orders 1,2,1" in outcome[0].command
+    assert len(outcome) <= 2
+
+
+def test_a_split_is_judged_on_the_samples_that_both_have_not_seen():
+    result, other = fitted(OutputError(1, 1, 1)), fitted(OutputError(2, 2, 1), split=0.7)
+    (step, *_) = proposals(result)
+    gain = gain_of(result, replace(step, change={"split": 0.7}), other.evaluation)
+    assert gain.fit == other.evaluation.validation_fit
+    assert gain.instead == pytest.approx(result.evaluation.fit.fit_percent(other.evaluation.validation))
+    assert gain.instead != pytest.approx(result.evaluation.validation_fit)
+    assert gain.in_words().startswith("on the last 30 %, ")
+
+
+def test_a_smaller_kind_that_bic_does_not_prefer_is_not_said():
+    u = steps_of(0)
+    result = fitted(ProcessModel("P2D"), lags(u, 1.0, 0.6, delay=3))
+    fewer = fitted(ProcessModel("P1D"), lags(u, 1.0, 0.6, delay=3)).evaluation
+    (step,) = proposals(fitted(ProcessModel("P2D"), lags(u, 1.0, delay=3)))
+    assert "--kind" not in step.command  # P1D is the default
+    assert gain_of(result, step, fewer) is None
+
+
+def test_nothing_is_compiled_within_a_budget_that_nobody_gave():
+    @kernel
+    def twice(x):
+        return 2.0 * x
+
+    with refusing_compilation() as refused, pytest.raises(CompilationRefusedError):
+        twice(1.0)
+    assert len(refused) == 1
+    assert twice(1.0) == 2.0
+    result = fitted(OutputError(1, 1, 1))
+
+    def compiling(*_):
+        with suppress(CompilationRefusedError):  # as a search over starts may do
+            kernel(lambda x: x + 1.0)(1.0)
+        return fitted(OutputError(2, 2, 1)).evaluation
+
+    (step,) = tried(result, proposals(result), compiling, None)
+    assert step.gain is None
+    assert tried(result, proposals(result), compiling, 100.0)[0].gain is not None
