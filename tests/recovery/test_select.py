@@ -50,6 +50,24 @@ def test_the_true_structure_wins(seed):
     np.testing.assert_allclose(np.sort_complex(found.fit.poles), np.sort_complex(np.roots([1, -1.5, 0.7])), atol=0.01)
 
 
+@pytest.mark.parametrize(("kind", "seed"), [("P1D", 0), ("P2D", 1)])
+def test_a_plant_with_a_delay_between_two_samples_is_a_process_of_its_kind(kind, seed):
+    """In seconds of the record, at another sampling time than the block's own."""
+    rng = np.random.default_rng(seed)
+    times, Ts = {"P1D": {"T1": 0.9}, "P2D": {"T1": 0.9, "T2": 0.5}}[kind], 0.1
+    chain = sysid.structures.process(kind, offset="none").sampled(Ts)
+    values = {"K": 2.0, "Td": 0.537, **times}
+    u = np.repeat(rng.uniform(-1.0, 1.0, 30), 20)
+    y = chain.simulate(np.array([values.get(name.removeprefix("plant."), 0.0) for name in chain.names]), u)
+    space = replace(SMALL, nk=(5, 6), structures=("output_error", "process"))
+    found = select(sysid.IOData(u, y + 0.02 * y.std() * rng.normal(size=len(y)), Ts), space, jobs=1)
+    assert str(found.chosen.candidate) == f"process {kind}"
+    by_name = {p.name.removeprefix("plant."): p.value for p in found.fit.parameters}
+    for name, value in values.items():
+        assert by_name[name] == pytest.approx(value, rel=0.1), name
+    assert found.best_of_each[-1].candidate.name == "output_error"
+
+
 def test_larger_equals_are_named_and_passed_over():
     """Three poles run as well as two: the table says that they are equal, and two are chosen."""
     space = replace(SMALL, nb=(2,), nf=(2, 3), nk=(1,), input=("saturation",), output=("unit_gain",))
