@@ -25,16 +25,22 @@ class Quantity:
         return Quantity(self.name, unit, self.factor / other.factor)
 
 
+SHARE = "share"  # the unit of a number that its file has in per cent: stored as a part of 1, shown as it was
+
+
 def display_quantity(name: str, unit: str) -> Quantity:
-    """How a quantity is shown: radians as degrees, also per second or per volt; nothing for a plain number.
+    """How a quantity is shown: radians as degrees, shares as per cent, also per second or per volt; nothing for a plain
+    number.
 
     A natural frequency stays in rad/s, as options and formulas have it.
     """
     if name == "natural frequency":
         return Quantity(name, unit)
-    if unit == "rad" or unit.startswith("rad/"):
-        return Quantity(name, "deg" + unit.removeprefix("rad"), 180.0 / math.pi)
-    return Quantity(name, "" if unit == "1" else unit)
+    first, *below = unit.split("/")
+    shown, factor = {"rad": ("deg", 180.0 / math.pi), SHARE: ("%", 100.0)}.get(first, (first, 1.0))
+    factor /= 100.0 ** below.count(SHARE)
+    text = "/".join([shown, *("%" if part == SHARE else part for part in below)])
+    return Quantity(name, "" if text == "1" else text, factor)
 
 
 def number(value: float | None, digits: int = 4) -> str:

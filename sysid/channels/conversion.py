@@ -11,6 +11,7 @@ from functools import cache, lru_cache
 from typing import Any
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import SHARE
 
 _SINGULAR = {  # these also count something else (`time_of_day`, a second run): a unit only as a whole name
     "s": "s second sekunde seconde segundo secondo",
@@ -41,7 +42,7 @@ _NAMED = re.compile(rf"(?:(?:{_TIME})(?:[\W_]*|[\W_]+in[\W_]+))?(?P<unit>{'|'.jo
 DIGITS = re.compile(r"(?:[yj]{2,4}m{2}[dt]{2})?(?:h{2}m{2}(?:s{1,2})?|hms)")
 
 
-SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1")  # read as they are, without loading pint
+SI = ("s", "V", "rad", "rad/s", "A", "m", "m/s", "N", "N*m", "1", SHARE)  # read as they are, without loading pint
 KEPT = ("degC", "°C", "K", "bar", "mbar", "l/min", "L/min")  # known of processes, and read as they are
 COUNTS = "counts"  # of a converter or an encoder: numbers without a unit until a calibration gives them one
 DEFINITIONS = """
@@ -104,7 +105,7 @@ class Conversion:
 
 
 def convert(text: str) -> Conversion:
-    """What a unit as a file writes it becomes: degrees rad, mV V, rpm rad/s, ms s, percent the number one.
+    """What a unit as a file writes it becomes: degrees rad, mV V, rpm rad/s, ms s, percent shares of 1.
 
     Counts, no unit and unknown units stay as they are.
     """
@@ -142,7 +143,7 @@ def _convert(text: str) -> Conversion:
     if conversion is None:
         word = SPELLINGS.get(text.lower(), SPELLINGS.get(plain.lower()))
         if word == "percent":
-            return Conversion("1", 0.01)
+            return Conversion(SHARE, 0.01)
         conversion = Conversion(word, 1.0) if word in (*SI, COUNTS) else _by_pint(word) if word else None
     return conversion or Conversion(text, 1.0, False)
 

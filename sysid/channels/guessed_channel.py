@@ -1,5 +1,6 @@
 """The channel of a column whose role is known: the unit of its header, the sign of its words, and notes on both."""
 
+from sysid.base.quantities import SHARE
 from sysid.channels.column import Column, label, unit_in_brackets
 from sysid.channels.conversion import COUNTS, convert
 from sysid.channels.mapping import Channel
@@ -21,9 +22,8 @@ def guess_channel(role: str, column: Column, why: list[str], remarks: dict[str, 
         why.append(f"column {name!r} has the unknown unit {unit!r}: its numbers stay as they are")
         remarks[f"{role}.unit"] = "not known: the numbers stay as they are"
     elif conversion.unit != unit:
-        why.append(
-            f"column {name!r} goes from {unit} to {conversion.unit or 'a plain number'}: its header names {unit}"
-        )
+        end = {SHARE: "a share of 1 and is shown in %", "": "a plain number"}.get(conversion.unit, conversion.unit)
+        why.append(f"column {name!r} goes from {unit} to {end}: its header names {unit}")
     word = word_of(column.values) or Word()
     if word.evidence:
         why.append(_word_text(role, column, word))

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from sysid.base.quantities import SHARE
 from sysid.channels.column import Column, Header, misspelt_number, parse_header, words
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import convert
@@ -108,7 +109,7 @@ def _candidates(columns: Columns, role: str) -> list[Column]:
         return strong
     if by_name:
         return by_name
-    units = ("V", "1") if role == "input" else ("rad",)
+    units = ("V", "1", SHARE) if role == "input" else ("rad",)
     nameless = [column for column in moving if role_by_name(column) == "" and column.header.unit]
     return [column for column in nameless if convert(column.header.unit).unit in units]
 

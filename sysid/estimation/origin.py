@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.handlers import Shown, handler
+from sysid.base.quantities import SHARE
 from sysid.base.rates import same_rate
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
@@ -53,8 +54,8 @@ _SPELLED = str.maketrans({"°": "deg", "º": "deg", "µ": "u", "μ": "u", **dict
 
 
 def _plain(unit: str) -> str:
-    """A unit without what spells it differently: N*m, N m and Nm are one; nothing for a dash."""
-    return unit.translate(_SPELLED)
+    """A unit without what spells it differently: N*m, N m and Nm are one, a share is a number; nothing for a dash."""
+    return "1" if unit == SHARE else unit.translate(_SPELLED)
 
 
 def check_units(data: IOData, origin: Origin | None) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.poles import time_constant
-from sysid.base.quantities import capital, display_quantity, number, percent, pole
+from sysid.base.quantities import SHARE, capital, display_quantity, number, percent, pole
 from sysid.estimation.origin import ONE_STEP
 from sysid.joint.values import WORDS, JointValue, distinct_values
 from sysid.plots.responses import note_sentences
@@ -154,7 +154,7 @@ def parameter_grid(evaluation: Evaluation, caption: str = "All parameters") -> G
 def criteria_grid(evaluation: Evaluation) -> Grid:
     """Fit of both parts, and every criterion of the estimation data with its meaning."""
     c = evaluation.fit.criteria
-    unit = evaluation.estimation.y_unit
+    unit = evaluation.estimation.y_unit.replace(SHARE, "")  # a number
     unit = f" [({unit})²]" if "/" in unit else f" [{unit}²]" if unit else ""
     rows = [
         ("fit, free run, validation data", percent(evaluation.validation_fit), "the whole output from only the input"),

@@ -30,8 +30,10 @@ def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: 
         return []
     y, u = estimation.y_name, estimation.u_name
     observation = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
-    q = display_quantity("", estimation.y_unit if estimation.u_unit else "")
-    unit = f" {q.unit}/{estimation.u_unit}" if q.unit else ""
+    q = display_quantity("", "")
+    if estimation.u_unit and estimation.y_unit not in ("", "1"):
+        q = display_quantity("", f"{estimation.y_unit}/{estimation.u_unit}")
+    unit = f" {q.unit}" if q.unit else ""
     remarks = []
     if direction(validation, run) == -way:
         remarks.append(f"the free run has {WRONG}: {observation}, and the model does the opposite")

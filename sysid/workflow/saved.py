@@ -294,11 +294,11 @@ def remarks(fit: AnyFit, data: IOData, run: np.ndarray, from_rest: bool = False)
         share_outside = float(np.mean((levelled.u < low - margin) | (levelled.u > high + margin)))
         if share_outside:
             shift = 0.0 if fit.u_offset is None or len(fit.u_offset) > 1 else float(fit.u_offset[0])
-            unit = f" {data.u_unit}" if data.u_unit else ""
+            q = display_quantity("", data.u_unit)
+            first, last = ((end + shift) * q.factor for end in (low, high))
             sentences.append(
-                f"{100 * share_outside:.1f} % of the input's samples lie outside {low + shift:.4g} to "
-                f"{high + shift:.4g}"
-                f"{unit}, which the estimation data cover: the model extrapolates there"
+                f"{100 * share_outside:.1f} % of the input's samples lie outside {first:.4g} to "
+                f"{f'{last:.4g} {q.unit}'.rstrip()}, which the estimation data cover: the model extrapolates there"
             )
     if isinstance(fit, Fit) or from_rest:
         sentences += _beyond_outputs(fit, data, run)

@@ -41,7 +41,7 @@ def ramp(k: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ("µs", "s", 1e-6),
         ("min", "s", 60.0),
         ("1/s", "1/s", 1.0),
-        ("%", "1", 0.01),
+        ("%", "share", 0.01),
         ("m/s²", "m/s^2", 1.0),
         ("Nm", "N*m", 1.0),
         ("LSB", "counts", 1.0),

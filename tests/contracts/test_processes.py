@@ -1,14 +1,21 @@
 """Logs of processes: a heater and a temperature beside a clock, in the units that such logs have."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sysid import InputError
+from sysid.base.quantities import display_quantity
 from sysid.channels.conversion import convert
+from sysid.estimation.origin import Origin
 from sysid.formats import unit_in
+from sysid.plots.responses import step_figure
+from sysid.uncertainty.intervals import Band
 from sysid.workflow.record import read_record
+from twin.cli import main
 
 U, Y = np.random.default_rng(4).normal(size=(2, 60)).round(3)
 
@@ -51,3 +58,50 @@ def test_a_letter_for_left_is_no_litre():
     assert unit_in("angle (L)") == ""
     assert not convert("L").known
     assert convert("%").factor == 0.01
+
+
+@pytest.mark.parametrize(
+    ("unit", "shown", "factor"),
+    [("share", "%", 100.0), ("degC/share", "degC/%", 0.01), ("share/V/s", "%/V/s", 100.0), ("share/share", "%/%", 1.0)],
+)
+def test_a_share_is_shown_in_per_cent_and_what_counts_by_it_too(unit: str, shown: str, factor: float):
+    q = display_quantity("", unit)
+    assert (q.unit, q.factor) == (shown, pytest.approx(factor))
+
+
+def test_gains_of_a_log_in_per_cent_are_those_of_its_columns(tmp_path: Path, monkeypatch, capsys):
+    """0.6 degC for each per cent of a heater, which moves between 20 and 80 %; SI inside."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    u = 50.0 + 30.0 * np.repeat(rng.uniform(-1.0, 1.0, 24), 25)
+    y = 20.0 + lfilter([0.0, 0.6 * (1.0 - np.exp(-1 / 8))], [1.0, -np.exp(-1 / 8)], u) + 0.05 * rng.normal(size=600)
+    rows = np.column_stack([np.arange(600.0), u, y])
+    np.savetxt("oven.csv", rows, "%.6g", ",", header="time [s],heater [%],temperature [degC]", comments="")
+    found = read_record("oven.csv")
+    assert (found.data.u_unit, found.data.u.max()) == ("share", pytest.approx(u.max() / 100.0, rel=1e-5))
+    for structure in (["process"], ["output_error", "--orders", "1,1,1"]):
+        assert main(["identify", "oven.csv", "--structure", *structure, "--starts", "1", "--out", "out"]) == 0
+        said = capsys.readouterr().out
+        (row,) = [line.split() for line in said.splitlines() if line.strip().startswith("gain")][:1]
+        numbers = [float(word) for word in row if word.replace(".", "").isdigit() and "." in word]
+        value, low, high = numbers[:3]
+        assert value == pytest.approx(0.6, abs=0.005)
+        assert low < (0.6 if structure == ["process"] else value) < high
+        assert "degC/%" in said.replace(" per ", "/")
+        assert "heater [%]" in Path("out/report.html").read_text(encoding="utf-8")
+    assert json.loads(Path("out/model.json").read_text())["origin"]["u_unit"] == "share"
+    assert main(["run", "out/model.json", "oven.csv", "--out", "again"]) == 0
+    assert " % of the input's samples lie outside" not in capsys.readouterr().out
+
+
+def test_a_step_is_drawn_for_one_per_cent():
+    x, response = np.array([0.0, 1.0]), np.array([0.0, 60.0])  # degC for each 1
+    panel = step_figure(Band.bare(x, response), "degC", "share", "temperature").panels[0]
+    assert panel.y.unit == "degC per %"
+    np.testing.assert_allclose(panel.items[0].y, [0.0, 0.6])
+
+
+def test_a_model_saved_before_shares_had_a_name_takes_their_records():
+    record = type("R", (), {"u_unit": "share", "y_unit": "degC"})
+    assert Origin("heater", "temperature", "1", "degC", 600, 99.0).other_unit(record) is None
+    assert Origin("heater", "temperature", "V", "degC", 600, 99.0).other_unit(record) is not None

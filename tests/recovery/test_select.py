@@ -14,7 +14,7 @@ from sysid.selection.folds import Fold, folds
 from sysid.selection.judge import Effort, Job, judge
 from sysid.selection.select import select
 from sysid.selection.space import Space
-from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError
+from sysid.structures import ActuatedJoint, Hammerstein, HammersteinWiener, OutputError, ProcessModel
 from sysid.systems import system
 from sysid.workflow import identification
 
@@ -50,6 +50,7 @@ def test_the_true_structure_wins(seed):
     np.testing.assert_allclose(np.sort_complex(found.fit.poles), np.sort_complex(np.roots([1, -1.5, 0.7])), atol=0.01)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("kind", "seed"), [("P1D", 0), ("P2D", 1)])
 def test_a_plant_with_a_delay_between_two_samples_is_a_process_of_its_kind(kind, seed):
     """In seconds of the record, at another sampling time than the block's own."""
@@ -66,6 +67,18 @@ def test_a_plant_with_a_delay_between_two_samples_is_a_process_of_its_kind(kind,
     for name, value in values.items():
         assert by_name[name] == pytest.approx(value, rel=0.1), name
     assert found.best_of_each[-1].candidate.name == "output_error"
+
+
+def test_a_search_begins_with_processes_at_the_sampling_time_of_the_record():
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 20), 15)
+    y = lfilter([0.0, 0.2], [1.0, -0.9], u)  # a time constant of 0.0949 s
+    data = sysid.IOData(u, y + 0.01 * rng.normal(size=len(u)), 0.01)
+    firsts = [c for c in Space().ladders(data) if isinstance(c, ProcessModel)]
+    assert [c.kind for c in firsts] == ["P1D", "P2D", "P2DU", "P1DI"]
+    row = judge(Job(firsts[0], folds(data), Effort(1, 50), "auto", 0, 1, True))
+    assert row.fit_percent > 96.0
+    assert all(theta[1] == pytest.approx(0.0949, rel=0.05) for theta in row.thetas)
 
 
 def test_larger_equals_are_named_and_passed_over():
