@@ -1,6 +1,7 @@
 """The page of `qpal bench certify`: tables of digits, a figure of them, and the rules with what breaks them."""
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from sysid.bench.certificate.grade import LEAST, Grade
 from sysid.bench.certificate.record import Record
 from sysid.bench.certificate.static import LEVELS, StaticGrade
 from sysid.drawing.figure import Axis, Bars, Figure, Panel, Rule
+from sysid.report.answer import GOOD, POOR, Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section, write
 
 NONE = "–"
@@ -153,6 +155,29 @@ def rules(is_judged: bool, violations: Sequence[Any] = ()) -> str:
     return f"Rule: {text}. {holds}" if is_judged else "No rule: methods of others are graded, not judged."
 
 
+def answer(rows: Sequence[Grade], violations: Sequence[str], is_judged: bool, texts: Mapping[str, str]) -> Answer:
+    """The first screen: how many fits give the digits that the rule asks for, and whether it holds.
+
+    Methods of others are graded and not judged, so they have no word. `texts` name a method as a command has it.
+    """
+    method = rows[0].method  # that is judged, or was named first
+    rows_of_first = [row for row in rows if row.method == method]
+    told = [row.parameters for row in rows_of_first if row.parameters is not None]
+    digits, of = (told, "every parameter") if told else ([row.rss for row in rows_of_first], "the sum of squares alone")
+    word: Word | None = (POOR if violations else GOOD) if is_judged else None
+    worst = min(rows_of_first, key=lambda row: (row.rss if row.parameters is None else row.parameters, row.record))
+    again = shlex.join(["qpal", "bench", "certify", texts.get(worst.method, worst.method), "--record", worst.record])
+    return Answer(
+        f"{sum(value >= LEAST for value in digits)} of {len(digits)}",
+        f"fits of certified records by {method} give {LEAST:g} digits of {of}",
+        word,
+        rules(is_judged, violations),
+        next(iter(_of_records(rows)), None),
+        values=dynamic_grid(rows).only("method", "difficulty", "fits", HEADINGS[0], HEADINGS[2]),
+        next=f"Next, the record with the fewest digits alone: {again}",
+    )
+
+
 def write_page(
     folder: Path,
     rows: Sequence[Grade],
@@ -160,8 +185,9 @@ def write_page(
     table: dict[str, Record],
     violations: Sequence[str],
     is_judged: bool,
-) -> dict[str, Any]:
-    """Write report.html, summary.json, tables.md and figures/; returns the summary."""
+    texts: Mapping[str, str],
+) -> tuple[dict[str, Any], Answer]:
+    """Write report.html, summary.json, tables.md and figures/; returns the summary and the first screen."""
     proved = sum(table[name].is_global for name in table)
     verdict = [rules(is_judged, violations), *violations]
     sections = [
@@ -173,7 +199,7 @@ def write_page(
                 "method that does not tell its parameters is graded by the sum of squares of its free run alone."
             ],
             tables=[dynamic_grid(rows)],
-            pictures=_of_records(rows),
+            pictures=_of_records(rows)[1:],
             details=[every(rows)],
         )
     ]
@@ -196,9 +222,9 @@ def write_page(
         "static": [asdict(row) for row in static],
         "versions": versions(),
     }
-    page = Page(
-        "Digits of certified values", f"{len(rows)} fits, {len(static)} regressions", verdict, sections, versions()
-    )
+    size = f"{len(rows)} fits, {len(static)} regressions"
+    first = answer(rows, violations, is_judged, texts)
+    page = Page("Digits of certified values", size, verdict, sections, versions(), answer=first)
     write(folder, page, summary)
     write_text(folder / TABLES, "\n".join(grid.markdown() for section in sections for grid in section.tables))
-    return summary
+    return summary, first

@@ -14,6 +14,7 @@ from sysid.channels.signals import Signal as RecordedSignal
 from sysid.channels.signals import Signals
 from sysid.drawing.figure import Axis, Figure, Histogram, Item, Panel, Rule
 from sysid.plots.records import Signal, stack_figure
+from sysid.report.inspection_answer import answer
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.inspection import Inspection, sampling_facts
 
@@ -36,6 +37,7 @@ REPAIRS = {
 def page(result: Inspection, more: Sequence[str] = ()) -> Page:
     """The whole report; `more` are further sentences of the verdict."""
     s = result.signals
+    channels, *steps = pictures(s) if s is not None else (None,)
     size = f"{s.N} samples, Ts {s.Ts:g} s" if s is not None else "not read as a record"
     return Page(
         title=f"What {result.path.name} holds",
@@ -48,15 +50,16 @@ def page(result: Inspection, more: Sequence[str] = ()) -> Page:
                 ["How the columns become channels. Save it as a file, edit it, and give it with --map."],
                 listings=[Listing("The mapping as TOML", readable(result.text))],
             ),
-            *([] if s is None else [_record(s)]),
+            *([] if s is None else [Section("Record", tables=[sampling_grid(s)], pictures=steps)]),
             *([Section("Advice", ["The diagnosis of the record."], [advice_grid(result)])] if result.advice else []),
         ],
         made_with=versions(),
+        answer=answer(result, channels),
     )
 
 
 def sentences(result: Inspection) -> list[str]:
-    """What was assumed and repaired, what is unclear, warnings, and the next command."""
+    """What was assumed and repaired, what is unclear, warnings, and why nothing can be identified."""
     lines = [
         _capital(note) for note in (result.signals.notes if result.signals else (*result.reader_notes, *result.why))
     ]
@@ -66,20 +69,9 @@ def sentences(result: Inspection) -> list[str]:
     if result.repairs:
         lines.append(f"The mapping repairs this: it sets {' and '.join(result.repairs)} in [repair].")
     lines += [f"Warning: {advice}." for advice in result.advice if advice.severity == "warning"]
-    return [*lines, *_next(result)]
-
-
-def _next(result: Inspection) -> list[str]:
-    """The next command, and what has to be done before it; no command that is refused."""
-    if result.command:
-        edit = result.unclear and result.unwritten is None
-        first = f"fill in the lines of {result.options[-1]} that say CHOOSE, then: " if edit else ""
-        return [f"Next: {first}{result.command}"]
-    if not result.obstacle:  # the problem is told already, with what to do
-        return []
-    todo = [a.action for a in result.advice if a.topic == "data" and a.severity == "warning" and a.action]
-    lines = [f"Nothing can be identified from this record as it is: {result.obstacle.rstrip('.')}."]
-    return [*lines, f"Next: {todo[0]}"] if todo else lines
+    if result.obstacle and not result.command:
+        lines.append(f"Nothing can be identified from this record as it is: {result.obstacle.rstrip('.')}.")
+    return lines
 
 
 def column_grid(result: Inspection) -> Grid:
@@ -167,10 +159,6 @@ def steps_figure(signals: Signals) -> Figure:
 
 def _plain(value: float) -> str:
     return "–" if np.isnan(value) else f"{value:.5g}".replace("-", "−")
-
-
-def _record(signals: Signals) -> Section:
-    return Section("Record", tables=[sampling_grid(signals)], pictures=pictures(signals))
 
 
 def _capital(sentence: str) -> str:

@@ -41,7 +41,8 @@ def certify(
 
     own = {each.name: each for each in METHODS}
     methods = own | all_methods()
-    names = [add_file(text, methods) for text in method or own]
+    texts = {add_file(text, methods): text for text in method or own}
+    names = list(texts)
     for name in names:
         if name not in methods:
             raise unknown("method", name, methods)
@@ -56,7 +57,7 @@ def certify(
             rows = grading.grades([methods[name] for name in names], selected.values(), step)
         sets = [static.grade(r, k) for r in static.references().values() for k in (1, 2)] if not method else []
         violations = grading.violations(rows, sets, METHODS[0].name)
-        summary = page.write_page(scratch, rows, sets, selected, violations, is_judged)
+        summary, first = page.write_page(scratch, rows, sets, selected, violations, is_judged, texts)
         if target is not None:
             numbers = release.certificate(rows, sets, violations)
             write_text(target.with_suffix(".json"), json.dumps(numbers, indent=1) + "\n")
@@ -65,8 +66,8 @@ def certify(
     grids = [page.dynamic_grid(rows), *([page.static_grid(sets)] if sets else [])]
     reasons = dict.fromkeys(f"{r.method}: {r.status}" for r in rows if r.status != "ok")
     written = [] if target is None else [f"Certificate: {target}, its numbers: {target.with_suffix('.json')}"]
-    sentences = [*violations, *list(reasons)[:3], page.rules(is_judged, violations), *written]
-    console.finish(folder, summary, as_json, grids, sentences)
+    sentences = [*violations, *list(reasons)[:3], *written]
+    console.finish(folder, summary, as_json, grids, sentences, first)
     if violations:
         raise typer.Exit(1)
 

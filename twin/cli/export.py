@@ -83,6 +83,7 @@ def export(
             raise InputError(f"{option} is given without --{way}; add --{way} or leave it out")
     if fmi not in FMI:
         raise InputError(f"--fmi is {fmi}; choose one of {', '.join(FMI)}")
+    from sysid.report.answer import MOST
     from sysid.report.page import write
     from twin.report import export as report
     from twin.studies.write_back import read_model, write_back
@@ -94,5 +95,7 @@ def export(
         target = None if into is None else Path(into)
         result = write_back(source, ways, name, torque_per_volt, link_inertia, target, scratch, at, single, FMI[fmi])
         step("drawing")
-        write(scratch, report.page(result), result.as_dict())
-    console.finish(folder, result.as_dict(), as_json, report.tables(result), report.sentences(result))
+        page = report.page(result, str(folder))
+        write(scratch, page, result.as_dict())
+    tables = report.tables(result) if len(result.files) > MOST else []  # else the answer has them
+    console.finish(folder, result.as_dict(), as_json, tables, report.sentences(result), page.answer)

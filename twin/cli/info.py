@@ -95,7 +95,8 @@ def info(
         effects = measured(parameters, lambda name: step(f"signature of {name}")) if signatures else ()
         step("drawing")
         summary = result.as_dict() | ({"signatures": [effect.as_dict() for effect in effects]} if effects else {})
-        write(scratch, report.page(result, [drawn.section(effects)] if effects else []), summary)
+        page = report.page(result, [drawn.section(effects)] if effects else [])
+        write(scratch, page, summary)
         if target is not None:
             parameter_file.write(parameters, scratch / target.name if inside else target, all=True)
             if not inside:
@@ -103,7 +104,7 @@ def info(
     sentences = report.sentences(result) + ([] if target is None else [f"Parameters: {target}"])
     *tables, versions_table = report.tables(result)
     tables += [drawn.sizes(effects)] if effects else []
-    console.finish(folder, summary, as_json, [*tables, versions_table], sentences)
+    console.finish(folder, summary, as_json, [*tables, versions_table], sentences, page.answer)
 
 
 def _show_file(
@@ -132,7 +133,8 @@ def _show_file(
         step("drawing")
         hints = _compare(result, joint)
         summary = result.as_dict()
-        write(scratch, report.page(result, hints), summary)
+        page = report.page(result, hints)
+        write(scratch, page, summary)
         inside = write_map is not None and Path(write_map).parent.resolve() == folder.resolve()
         if write_map is not None:
             write_text(scratch / Path(write_map).name if inside else write_map, result.text)
@@ -141,7 +143,7 @@ def _show_file(
     sentences = [*report.sentences(result), *hints, *([] if write_map is None else [f"Mapping: {write_map}"])]
     if not as_json:
         print(result.text)
-    console.finish(folder, summary, as_json, report.terminal_tables(result), sentences)
+    console.finish(folder, summary, as_json, report.terminal_tables(result), sentences, page.answer)
     if result.signals is None:
         raise typer.Exit(1)
 

@@ -19,32 +19,31 @@ from sysid.plots.records import Signal, stack_figure
 from sysid.report.page import Grid, Listing, Page, Picture, Section
 from sysid.workflow.saved import UNFIT
 from twin.fragment.rollout import Check
+from twin.report.export_answer import answer
 from twin.studies.write_back import CLOSE, WrittenModel
 
 
-def page(result: WrittenModel) -> Page:
-    """The report on one export."""
+def page(result: WrittenModel, folder: str) -> Page:
+    """The report on one export into `folder`."""
     source = "the record's input" if result.source.recorded else "a drawn input"
     run = f"Free run of the fit under {source}: the exported code computes this output."
-    alone = [] if result.check is not None else [Picture.of("free-run", free_run_figure(result), run)]
-    sections = [Section("Files", tables=tables(result), pictures=alone)]
+    picture = Picture.of("free-run", free_run_figure(result), run) if result.check is None else None
+    sections = [Section("Files", tables=tables(result))]
     if result.fragment is not None and result.check is not None:
         caption = (
             "Angle of the fitted joint and of the MJCF elements in MuJoCo under the same input, and their difference. "
             "The two curves should lie on each other. Peaks of the difference come from struck end stops and "
             "break-away, waves from a linkage that is not quite a quartic."
         )
-        sections += [
-            Section(
-                "Check in MuJoCo",
-                pictures=[Picture.of("mjcf", check_figure(result.check, result.source.data.u_unit), caption)],
-            ),
-            Section("MJCF", listings=[Listing("the file", result.fragment.model())]),
-        ]
+        picture = Picture.of("mjcf", check_figure(result.check, result.source.data.u_unit), caption)
+        sections += [Section("MJCF", listings=[Listing("the file", result.fragment.model())])]
         if result.into is not None:
             listing = Listing("each element that differs, and what goes on acting", "\n".join(result.changes))
             sections.append(Section(f"Changes in {Path(result.into).name}", listings=[listing]))
-    return Page("Export", f"Made from {result.source.said}", sentences(result), sections, versions())
+    said = sentences(result)
+    assert picture is not None
+    first = answer(result, picture, said, folder)
+    return Page("Export", f"Made from {result.source.said}", said, sections, versions(), answer=first)
 
 
 def tables(result: WrittenModel) -> list[Grid]:

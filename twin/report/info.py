@@ -13,6 +13,7 @@ from sysid.base.quantities import Quantity, display_quantity, number
 from sysid.base.style import styled
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.parameters import TABLE
+from twin.report.info_answer import answer
 from twin.studies.information import Information, Joint, Value
 
 if TYPE_CHECKING:
@@ -49,17 +50,20 @@ def page(result: Information, sections: Sequence[Section] = ()) -> Page:
     """The whole report, with `sections` sections before the parameters."""
     names = ", ".join(joint.name for joint in result.joints)
     grids = [value_grid(name, group, result) for name, group in result.groups().items()]
+    first, *others = pictures(result)
+    said = sentences(result)
     note = ["Rows in grey are nominal; the other rows also show the nominal value."] if result.changed else []
     return Page(
         title="The twin's parameters and its truth",
         subtitle=f"{names}; Ts {result.Ts:g} s" + (f"; parameters of {result.source}" if result.source else ""),
-        verdict=sentences(result),
+        verdict=said,
         sections=[
-            Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=pictures(result)),
+            Section("Truth", [_TRUTH], tables=[truth_grid(result)], pictures=others),
             *sections,
             Section("Parameters", [_PARAMETERS, *note], tables=grids),
         ],
         made_with=result.as_dict()["versions"],
+        answer=answer(result, first, said[0]),
     )
 
 
