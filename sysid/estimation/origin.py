@@ -42,6 +42,12 @@ class Origin:
         """Of a fit to `data` whose free run has this fit [%]."""
         return cls(data.u_name, data.y_name, data.u_unit, data.y_unit, data.N, float(fit))
 
+    @property
+    def si_units(self) -> tuple[str, str]:
+        """Units of the numbers of input and output as code takes and gives them: a share is a part of 1."""
+        u, y = ("1" if unit == SHARE else unit for unit in (self.u_unit, self.y_unit))
+        return u, y
+
     def other_unit(self, data: IOData) -> tuple[str, str, str] | None:
         """The first of "input" and "output" whose stated unit is another: its name, its unit, and the unit here."""
         for role, unit, model_unit in (("input", data.u_unit, self.u_unit), ("output", data.y_unit, self.y_unit)):

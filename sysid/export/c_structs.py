@@ -42,7 +42,7 @@ class Structs:
         self.n_in, self.n_out = channel_counts(fit)
         self.single_channel = self.n_in == self.n_out == 1
         origin = fit.origin
-        self.u_unit, self.y_unit = map(in_comment, (origin.u_unit, origin.y_unit) if origin else ("", ""))
+        self.u_unit, self.y_unit = map(in_comment, origin.si_units if origin else ("", ""))
         self.units = {unit.name: unit for layer in program.layers for row in layer for unit, _ in row}.values()
         short = {unit.name: re.sub(r"^block\d+_", "", unit.name) for unit in self.units}
         count = Counter(short.values())

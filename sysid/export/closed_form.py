@@ -52,7 +52,8 @@ def units_of_record(fit: AnyFit) -> list[str]:
     was = fit.origin
     if was is None or not (was.u_unit or was.y_unit):
         return []
-    return [f"u is {was.u_name} [{was.u_unit or '?'}] and y is {was.y_name} [{was.y_unit or '?'}]"]
+    u_unit, y_unit = (unit or "?" for unit in was.si_units)
+    return [f"u is {was.u_name} [{u_unit}] and y is {was.y_name} [{y_unit}]"]
 
 
 def _levels(fit: AnyFit, digits: int | None, u_offset: Offset, y_offset: Offset) -> list[str]:

@@ -175,7 +175,7 @@ class _Description:
         n_in, n_out = channel_counts(self.fit)
         found = [_Variable("time", "independent", "continuous", "", Value("time", 0.0, "s"))]
         for letter, n, causality in (("u", n_in, "input"), ("y", n_out, "output")):
-            unit = in_comment(getattr(origin, f"{letter}_unit")) if origin else ""
+            unit = in_comment(origin.si_units["uy".index(letter)]) if origin else ""
             said = readable(getattr(origin, f"{letter}_name")) if origin else ""
             levels = _resting(self.source) if letter == "u" else [0.0] * n
             for i in range(n):
