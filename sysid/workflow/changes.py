@@ -25,7 +25,7 @@ def command(
     seconds: float | None = None,
     **changed: Any,
 ) -> str:
-    """The command that made `result`, with changes; a new `structure` uses its default orders and maps.
+    """The command that made `result`, with changes; a new `structure` has its defaults where they do not say more.
 
     `seconds` are the budget of the same search over structures, which goes on from its journal.
     `changed` are settings of the current structure; with them, or `anew`, the fit does not start from a saved one.
@@ -41,7 +41,12 @@ def command(
     else:
         s = changed_setting(result, structure, starts, anew, **changed)
         name, search, count, knots = s.recipe.name, s.search, s.starts, s.knots
-        words += ["--structure", name, *([] if structure else [*recipe_options(s.recipe), *s.held.options()])]
+        words += [
+            "--structure",
+            name,
+            *(recipe_options(s.recipe) if changed or not structure else []),
+            *s.held.options(),
+        ]
         count = STARTS if s.held.start is not None else count  # a saved fit is the only start
     for option, value, default in (
         ("--search", search, "auto"),
@@ -65,7 +70,7 @@ def changed_setting(
     """How the command of the same changes fits, without a search over structures."""
     s = result.asked or result.evaluation.setting
     if structure is not None:
-        return Setting(TABLE[structure](), starts=starts or STARTS, seed=s.seed, knots=s.knots)
+        return Setting(TABLE[structure](**changed), starts=starts or STARTS, seed=s.seed, knots=s.knots)
     held = s.held.without_start() if anew or changed else s.held
     # A structure whose record counts from zero has its own search.
     search = "auto" if s.recipe.zero else s.search

@@ -67,13 +67,13 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
     if e.outputs:
         return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general) if is_bad else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _sizes)
+        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _no_maps, _sizes)
         return (*rules, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
         return (_more_starts, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        return (_ends, _nonlinear, _delay, _undetermined, _offset, _sizes, _search_structures)
+        return (_ends, _nonlinear, _delay, _undetermined, _offset, _no_maps, _sizes, _search_structures)
     return (_undetermined,)
 
 
@@ -289,16 +289,26 @@ def _offset(result: Identification) -> NextStep | None:
     return _step("the zero of the output is held", result, guess=True, offset="free")
 
 
+def _no_maps(result: Identification) -> NextStep | None:
+    """The linear block of a model with maps."""
+    recipe = result.evaluation.setting.recipe
+    if result.selection is not None or not recipe.of_kind("map") or set(recipe.orders) != {"nb", "nf", "nk"}:
+        return None
+    return _step("a linear model does as well", result, guess=True, structure=OutputError.name, **recipe.orders)
+
+
 def _sizes(result: Identification) -> Iterable[NextStep]:
-    """The neighbours of the settings that have as many parameters or more; fewer where the model is too large."""
+    """The neighbours of the settings, the largest first; where the model seems too large also the smaller ones, and
+    these first."""
     e = result.evaluation
     recipe = e.setting.recipe
     if result.selection is not None or isinstance(recipe, ActuatedJoint) or recipe.with_parts:
         return
     too_large = e.estimation_fit - e.validation_fit > OVERFITTED and not has_ample_samples(e.fit)
     for neighbour in sorted(recipe.neighbours(), key=_size, reverse=not too_large):
-        if (_size(neighbour) < _size(recipe)) is too_large:
-            yield _step(_lack(e), result, guess=True, **_difference(recipe, neighbour))
+        if too_large or _size(neighbour) >= _size(recipe):
+            better = "another size of this model does better"  # said where the trial has shown it
+            yield _step(better, result, guess=True, **_difference(recipe, neighbour))
 
 
 def _undetermined(result: Identification) -> Iterable[NextStep]:
@@ -324,7 +334,7 @@ def _difference(recipe: Recipe, other: Recipe) -> dict[str, Any]:
 
 
 def _other_kind(result: Identification) -> NextStep | None:
-    """No block model was found; a nonlinear ARX model does not assume blocks. A search has tried it already."""
-    if result.selection is not None and any(r.candidate.name == NonlinearArx.name for r in result.selection.rows):
+    """A search found no block model; a nonlinear ARX model does not assume blocks, unless the search has tried it."""
+    if result.selection is None or any(r.candidate.name == NonlinearArx.name for r in result.selection.rows):
         return None
     return _step("no block structure explains the record", result, structure=NonlinearArx.name)

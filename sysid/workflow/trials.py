@@ -18,6 +18,7 @@ from sysid.diagnosis.residuals import CLOSE, poor
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import BLOCKS, SECONDS, larger
+from sysid.structures import OutputError
 from sysid.workflow.changes import AUTO, changed_setting, detrend_after
 from sysid.workflow.next_step import against_the_record
 from sysid.workflow.results import Evaluation, Identification
@@ -60,9 +61,8 @@ def tried(
     is compiled. 0 tries nothing.
     """
     budget = max(LEAST, result.evaluation.fit.seconds) if seconds is None else seconds
-    # What has evidence comes before a guess, and the same structure before another one, which costs more.
     end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
-    for step in sorted(steps, key=lambda step: (step.guess, "structure" in step.change)):
+    for step in sorted(steps, key=_turn):
         remaining = end - time.monotonic()
         outcome = _try(result, step, attempt, remaining, may_compile=seconds is not None) if budget else step
         if isinstance(outcome, _Trial):
@@ -81,6 +81,12 @@ def tried(
     if others:
         return best.step, min(others, key=lambda t: t.left).step
     return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, best.evaluation.tests) else ()))
+
+
+def _turn(step: NextStep) -> tuple[bool, int]:
+    """What has evidence comes before a guess, and a linear model, which costs least, before other models."""
+    structure = step.change.get("structure")
+    return step.guess, 1 if structure is None else 0 if structure == OutputError.name else 2
 
 
 def _try(

@@ -14,8 +14,8 @@ import sysid.workflow.identification as identification
 from sysid.base.compiled import CompilationRefusedError, kernel, refusing_compilation
 from sysid.base.errors import InputError
 from sysid.report.identify_answer import answer
-from sysid.structures import OutputError, ProcessModel
-from sysid.workflow.changes import command
+from sysid.structures import Hammerstein, OutputError, ProcessModel
+from sysid.workflow.changes import changed_setting, command
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import proposals
 from sysid.workflow.setting import Setting
@@ -147,6 +147,19 @@ def test_two_steps_at_most_are_said_and_of_equal_ones_the_smallest_model_first()
     outcome = tried(result, proposals(result), lambda s, *_: large if s.recipe.nb == 2 else small, 100.0)
     assert "--orders 1,2,1" in outcome[0].command
     assert len(outcome) <= 2
+
+
+def test_of_a_model_with_maps_the_linear_one_of_its_orders_is_tried_before_other_sizes():
+    result, taken = fitted(Hammerstein(1, 2, 2, "saturation")), []
+    (step,) = [each for each in proposals(result) if each.change.get("structure") == "output_error"]
+    assert step.command.endswith("--structure output_error --orders 1,2,2")
+
+    def attempt(setting, *_):
+        taken.append(setting.recipe)
+        return result.evaluation
+
+    tried(result, [each for each in proposals(result) if each.guess], attempt, 100.0)
+    assert taken[0] == OutputError(1, 2, 2) == changed_setting(result, **step.change).recipe
 
 
 def test_a_split_is_judged_on_the_samples_that_both_have_not_seen():
