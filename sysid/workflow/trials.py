@@ -26,6 +26,7 @@ from sysid.workflow.setting import Setting
 from sysid.workflow.steps import Gain, NextStep
 
 LEAST = 2.0  # [s] of a budget that is not given: a linear model takes a tenth of it, one with maps most of it
+_WITH_PARTS = 5.0  # [s] of a joint that grows its parts, on 1000 samples
 REACH = 1.5  # times what the best step leaves, within which another one is said too, as a structure search goes on
 Attempt = Callable[[Setting, float | None, str], Evaluation]  # of a setting, a split and what is removed
 
@@ -128,9 +129,11 @@ def _try(
 
 
 def _expected(result: Identification, setting: Setting) -> float:
-    """How long [s] a fit of the same structure takes, by that of the result; 0 of another one, which is not known."""
+    """How long [s] a fit of the same structure takes, by that of the result; of another one that is hardly known."""
     s = result.evaluation.setting
-    return result.evaluation.fit.seconds * setting.starts / s.starts if setting.recipe.name == s.recipe.name else 0.0
+    if setting.recipe.name == s.recipe.name:
+        return result.evaluation.fit.seconds * setting.starts / s.starts
+    return _WITH_PARTS if setting.recipe.with_parts else 0.0
 
 
 def gain_of(result: Identification, step: NextStep, other: Evaluation) -> Gain | None:

@@ -127,6 +127,29 @@ def test_what_does_not_help_is_not_said_and_what_was_not_tried_is_said_so():
     assert tried(result, steps, refused, 100.0) == outcome
 
 
+@pytest.mark.parametrize("seconds", ["-1", "nan"])
+def test_a_budget_is_seconds(seconds, capsys):
+    written(steps_of(0), steps_of(0), 0)
+    assert main(["identify", "log.csv", "--trials", seconds]) == 2
+    assert "give seconds, 0 to try nothing, or leave it out" in capsys.readouterr().err
+
+
+def test_a_joint_takes_no_time_from_what_fits_in_a_short_budget():
+    result, asked = fitted(OutputError(1, 1, 1)), []
+    joint = replace(proposals(result)[-1], change={"structure": "actuated_joint"}, guess=False)
+
+    def attempt(setting, *_):
+        asked.append(setting.recipe.name)
+        return result.evaluation
+
+    (step,) = tried(result, [joint, *(s for s in proposals(result) if s.guess)], attempt, 2.0)
+    assert "actuated_joint" not in asked
+    assert "output_error" in asked
+    assert step.missed == "no time for it"
+    tried(result, [joint], attempt, 10.0)
+    assert asked[-1] == "actuated_joint"
+
+
 def test_a_search_that_its_time_ends_has_at_least_its_gain():
     result, better = fitted(OutputError(1, 1, 1)), fitted(OutputError(2, 2, 1)).evaluation
     taken = []

@@ -115,6 +115,8 @@ def identify(
         structure = structure or "process"
     constraints = _constraints(fix or (), bound or (), start)
     steps = (search, starts, options.seed(seed), knots)
+    if trials is not None and not trials >= 0.0:
+        raise InputError(f"--trials is {trials:g}; give seconds, 0 to try nothing, or leave it out")
     setting = _setting(structure, settings, steps, constraints, resume, seconds, scheduler)
     if response is not None:
         _identify_response(files[0], response, setting, out, as_json)
