@@ -109,7 +109,14 @@ def identify(
         of_records = (
             {"input": input, "output": output, "time": time, "time-unit": time_unit, "map": map, "range": range}
             | {"validation": validation, "resample": resample, "filter": filter, "split": split, "detrend": detrend}
-            | {"zero": zero, "starts": starts, "resume": resume, "seconds": seconds, "scheduler": scheduler}
+            | {
+                "zero": zero,
+                "starts": starts,
+                "resume": resume,
+                "seconds": seconds,
+                "trials": trials,
+                "scheduler": scheduler,
+            }
         )
         _refuse_options_of_records(files, of_records)
         structure = structure or "process"
