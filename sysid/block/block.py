@@ -112,6 +112,10 @@ class Block(ABC):
         """This block for samples of Ts [s]; itself if its times count in samples."""
         return self
 
+    def resting(self) -> "Block":
+        """The block for a run from rest, where it differs: a delay then holds zeros from before the input begins."""
+        return self
+
     def recalling(self, theta: np.ndarray, every: bool) -> "Block | None":
         """This block with the input before a record, or `every` one that it still sees, as a parameter u0, u1, ...
 

@@ -30,7 +30,7 @@ def begin(s, x, p):
 
 def step(s, x, p, block):
     if s.samples == 0.0:
-        s.before = p.u0 if block.history > 0 else x
+        s.before = p.u0 if block.history > 0 else 0.0 if block.rests else x
     else:
         if block.delayed:  # a sample sees the end of one input and the beginning of the next
             whole = int(floor(p.Td / block.Ts))
@@ -137,7 +137,8 @@ class Process(Recursion):
     and the beginning of the next. x1 to x4 are the states in which a record begins, outputs of the lags and of the
     integrator (of a pair the output and its rate). The input before a record is its first one, as of a step from rest.
     Of a record that is cut out of a run, u0, u1, ... are the `history` inputs before it that a delay lets through, the
-    latest first; the last of them also stands for all before it. The step of exported files knows u0 alone.
+    latest first; the last of them also stands for all before it. The step of exported files knows u0 alone. The input
+    before a run that `rests` is 0.
     """
 
     functions: ClassVar = {"step": step, "begin": begin}
@@ -152,6 +153,7 @@ class Process(Recursion):
     delayed: bool = True
     history: int = 0
     Ts: float = 1.0
+    rests: bool = False
 
     def __post_init__(self) -> None:
         if not 0 <= self.lags <= 3 or (self.lags and self.pair):
@@ -180,6 +182,9 @@ class Process(Recursion):
         """Of every one, one more than the delay holds, since a longer delay may fit better then."""
         held = int(self.by_name(theta).get("Td", 0.0) / self.Ts) + 3 if every else 1
         return replace(self, history=held) if self.delayed and held > self.history else None
+
+    def resting(self) -> Block:
+        return self if self.history or not self.delayed else replace(self, rests=True)
 
     def sampled(self, Ts: float) -> Block:
         return self if self.Ts == Ts else replace(self, Ts=Ts)
@@ -217,6 +222,11 @@ class Process(Recursion):
         """By one recursion of the states, whose matrices come from `advance`: the step itself compiles for a minute."""
         from sysid.block.kernels import held_states
 
+        if self.rests:  # a sample of 0 before the others, in which nothing moves
+            wider = np.vstack([np.zeros_like(J[:1]), J])
+            y = replace(self, rests=False).propagate(theta, np.append(0.0, x), wider, q)[1:]
+            J[:] = wider[1:]
+            return y
         m, y, own = self.by_name(theta), np.empty_like(x), self.n_parameters if J.shape[1] else 0
         at_states = [k for k, slot in enumerate(self.slots()) if slot.initial and slot.name not in self._past]
         past = theta[len(theta) - len(self._past) :] if self._past else np.empty(0)

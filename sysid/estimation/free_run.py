@@ -6,7 +6,7 @@ prediction from the outputs up to t-k is the free run plus the forecast of v (Lj
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -59,10 +59,16 @@ def resting_theta(model: Chain, theta: np.ndarray) -> np.ndarray:
     return np.where(moves, 0.0, theta)
 
 
+def at_rest(model: Chain, theta: np.ndarray) -> tuple[Chain, np.ndarray]:
+    """The model and theta (P,) of a run from rest, see `Block.resting`."""
+    return replace(model, blocks=tuple(b.resting() for b in model.blocks)), resting_theta(model, theta)
+
+
 @quiet()
 def run_from_rest(model: Chain, theta: np.ndarray, u: np.ndarray) -> np.ndarray:
     """The run (N, ny) of u (N, nu) from rest; infinite once it is not a number."""
-    return _cut_at_divergence(model.outputs(resting_theta(model, theta), u)).y
+    wider, rest = at_rest(model, theta)
+    return _cut_at_divergence(wider.outputs(rest, u)).y
 
 
 @quiet()
@@ -73,9 +79,10 @@ def free_run(model: Chain, theta: np.ndarray, data: IOData, n: int, noise_varian
     the run is that from rest, from the initial state in theta (P,), or from the state of the least squares: the one
     that is nearest to the first outputs, of those that stay finite.
     """
-    rest = resting_theta(model, theta)
     if n < 2:
-        return _cut_at_divergence(model.outputs(rest, data.u))
+        wider, start = at_rest(model, theta)
+        return _cut_at_divergence(wider.outputs(start, data.u))
+    rest = resting_theta(model, theta)
     first = data.select(0, n)
     run = model.outputs(initial_theta(model, rest, first, data.u, noise_variance), data.u)
     size, limit = _output_range(run), FAR * _output_range(data.y)

@@ -13,7 +13,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.writing import CCode, Code, Writer, number
-from sysid.estimation.free_run import resting_theta
+from sysid.estimation.free_run import at_rest
 from sysid.estimation.result import Fit
 from sysid.model.wiring import Layer, Unit, layers, offsets, written
 from sysid.nlarx.result import NlarxFit
@@ -54,7 +54,7 @@ def _program(fit: AnyFit, way: str, u_offset: Offset, y_offset: Offset) -> Progr
             raise InputError("a parameter of this model is not finite; fit it again before writing it out")
         code = _network_in_c(fit) if way == "c" else _network_in_python(fit)
         return Program(network_layers(fit), {NETWORK: code}, u0, y0)
-    fit_layers = layers(fit.model, resting_theta(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
+    fit_layers = layers(*at_rest(fit.model, fit.theta))  # the run of `Fit.simulate` for an input alone
     codes = {u.name: written(u, way)(u.theta) for layer in fit_layers for row in layer for u, _ in row}
     return Program(fit_layers, codes, u0, y0)
 

@@ -21,6 +21,7 @@ from sysid.structures import (
     NonlinearArx,
     NonlinearStateSpace,
     OutputError,
+    ProcessModel,
 )
 from sysid.workflow.advice_after_fit import holds
 from sysid.workflow.changes import STARTS, command
@@ -67,13 +68,13 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
     if e.outputs:
         return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general) if is_bad else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _no_maps, _sizes)
-        return (*rules, _more_starts, _search_structures, _other_kind)
+        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _no_maps)
+        return (*rules, _process, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_more_starts, _undetermined)
+        return (_more_starts, _no_maps, _process, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        return (_ends, _nonlinear, _delay, _undetermined, _offset, _no_maps, _sizes, _search_structures)
+        return (_ends, _nonlinear, _delay, _undetermined, _offset, _no_maps, _process, _sizes, _search_structures)
     return (_undetermined,)
 
 
@@ -295,6 +296,15 @@ def _no_maps(result: Identification) -> NextStep | None:
     if result.selection is not None or not recipe.of_kind("map") or set(recipe.orders) != {"nb", "nf", "nk"}:
         return None
     return _step("a linear model does as well", result, guess=True, structure=OutputError.name, **recipe.orders)
+
+
+def _process(result: Identification) -> NextStep | None:
+    """A plant that is slow beside its samples, and has a delay, in place of a model with maps."""
+    recipe = result.evaluation.setting.recipe
+    if result.selection is not None or not recipe.of_kind("map"):
+        return None
+    reason = "a process with two time constants and a delay does better"
+    return _step(reason, result, guess=True, structure=ProcessModel.name, kind="P2D")
 
 
 def _sizes(result: Identification) -> Iterable[NextStep]:

@@ -18,7 +18,7 @@ from sysid.diagnosis.residuals import CLOSE, poor
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import BLOCKS, SECONDS, larger
-from sysid.structures import OutputError
+from sysid.structures import OutputError, ProcessModel
 from sysid.workflow.changes import AUTO, changed_setting, detrend_after
 from sysid.workflow.next_step import against_the_record
 from sysid.workflow.results import Evaluation, Identification
@@ -87,7 +87,7 @@ def tried(
 def _turn(step: NextStep) -> tuple[bool, int]:
     """What has evidence comes before a guess, and a linear model, which costs least, before other models."""
     structure = step.change.get("structure")
-    return step.guess, 1 if structure is None else 0 if structure == OutputError.name else 2
+    return step.guess, 1 if structure is None else 0 if structure in (OutputError.name, ProcessModel.name) else 2
 
 
 def _try(

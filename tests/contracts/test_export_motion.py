@@ -18,6 +18,7 @@ from sysid.blocks import (
     LimitedIntegrator,
     Motor,
     Play,
+    Process,
     ProfiledMotor,
     TransferFunction,
     TravelMap,
@@ -101,9 +102,13 @@ FORMULAS = [
 
 
 def run(fit, u):
-    """The chain's own run from the fit's first positions, filters and speeds at rest, as in `Fit.simulate(u)`."""
+    """The chain's own run from the fit's first positions, filters and speeds at rest, as in `Fit.simulate(u)`.
+
+    A delay holds zeros from before: a sample of 0, from which on nothing moves, is the input before of a process.
+    """
     moves = [slot.initial and not slot.holds for slot in fit.model.slots]
-    return fit.model.simulate(np.where(moves, 0.0, fit.theta), u)
+    before = [0.0] if isinstance(fit.model.blocks[0], Process) else []
+    return fit.model.simulate(np.where(moves, 0.0, fit.theta), np.concatenate([before, u]))[len(before) :]
 
 
 def record(block, N=900):

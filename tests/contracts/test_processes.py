@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import sysid
 from sysid import InputError
 from sysid.base.quantities import display_quantity
 from sysid.channels.conversion import convert
 from sysid.estimation.origin import Origin
 from sysid.formats import unit_in
 from sysid.plots.responses import step_figure
+from sysid.structures import process
 from sysid.uncertainty.intervals import Band
 from sysid.workflow.record import read_record
 from twin.cli import main
@@ -105,3 +107,21 @@ def test_a_model_saved_before_shares_had_a_name_takes_their_records():
     record = type("R", (), {"u_unit": "share", "y_unit": "degC"})
     assert Origin("heater", "temperature", "1", "degC", 600, 99.0).other_unit(record) is None
     assert Origin("heater", "temperature", "V", "degC", 600, 99.0).other_unit(record) is not None
+
+
+def test_a_run_from_rest_waits_for_its_delay_where_the_input_begins_at_once():
+    """By the closed form, and by the exported Python; the record of the fit begins at rest."""
+    rng, Ts = np.random.default_rng(0), 1.0
+    u = np.repeat(rng.uniform(-1.0, 1.0, 40), 10)
+    u[:20] = 0.0
+    a = np.exp(-Ts / 9.0)
+    y = np.concatenate([np.zeros(6), lfilter([2.0 * (1.0 - a)], [1.0, -a], u)])[: len(u)]
+    fit = sysid.fit(process("P1D"), sysid.IOData(u, y + 0.01 * rng.standard_normal(len(u)), Ts), starts=1)
+    value = {p.name.rpartition(".")[2]: p.value for p in fit.parameters}
+    t = Ts * np.arange(30)
+    expected = value["y0"] + value["K"] * -np.expm1(-np.maximum(t - value["Td"], 0.0) / value["T1"])
+    assert value["Td"] == pytest.approx(5.0, abs=0.1)
+    np.testing.assert_allclose(fit.simulate(np.ones(30)), expected, atol=1e-12)
+    module: dict = {}
+    exec(sysid.export.python.source(fit), module)
+    np.testing.assert_allclose(module["simulate"]([1.0] * 30), expected, atol=1e-12)

@@ -56,6 +56,12 @@ CASES = {
         None,
     ),
     "too few lags": (lambda u: lags(u, 1.0, 0.6, delay=3), ["process", "--kind", "P1D"], "--kind", "P2D"),
+    "an oven": (
+        lambda u: lags(u, 3.0, 1.0, delay=9),
+        ["hammerstein", "--orders", "1,1,1", "--starts", "1"],
+        "--structure",
+        "process",
+    ),
     "too many lags": (lambda u: lags(u, 1.0, delay=3), ["process", "--kind", "P2D"], "--kind", None),
 }
 
