@@ -18,7 +18,7 @@ from sysid.channels.clock import (
 from sysid.channels.column import Column, unit_in_brackets
 from sysid.channels.conversion import convert, is_time
 from sysid.channels.mapping import Clock
-from sysid.channels.roles import AUXILIARY, COUNTERS, INPUT, NEVER, OUTPUT, REFERENCE, Columns, role_by_name
+from sysid.channels.roles import AUXILIARY, COUNTERS, FREQUENCY, INPUT, NEVER, OUTPUT, REFERENCE, Columns, role_by_name
 
 CLOCK_OF_LOG = "time_s"  # of the logs that this program writes
 
@@ -143,7 +143,7 @@ def _finest_clock(candidates: Sequence[Column]) -> Column | None:
 
 def _choose_clock_by_numbers(columns: Columns, choice: ClockChoice) -> None:
     """Puts the one column without a telling name that ticks into `choice`."""
-    signals = INPUT | REFERENCE | OUTPUT | NEVER | AUXILIARY | COUNTERS
+    signals = INPUT | REFERENCE | OUTPUT | NEVER | AUXILIARY | COUNTERS | FREQUENCY
     ticking = [c for c in columns.values() if c.ticking and not c.header.has(signals)]
     ticking = [column for column in ticking if not column.header.unit or is_time(column.header.unit)]
     if len(ticking) != 1:

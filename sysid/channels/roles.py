@@ -11,6 +11,7 @@ from sysid.channels.conversion import convert
 from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
 
+FREQUENCY = words("frequency freq frequenz f hz")  # rises evenly in a chirp, and is no clock
 COUNTERS = words("index idx sample samples k n i row seq sequence frame counter count id")
 INPUT = words("u voltage volts volt pwm duty cmd command commanded input in control ctrl")
 REFERENCE = words("reference ref goal setpoint target desired des cmd command commanded")

@@ -162,6 +162,7 @@ LOGS: dict[str, Log] = {
         "t,u,y\n" + ROWS + ROWS,
         Right(U + U, Y + Y),  # two experiments
     ),
+    "a frequency that rises evenly is no clock": log("frequency,u,y\n" + ROWS, refused("--ts")),
     "a clock that stands still": log("t,u,y\n" + stamped(["3.5"] * 12), SAFE, time="t"),
     "a clock given twice": log("t,u,y\n" + ROWS, refused("--ts"), time="t", Ts=0.2),
     "a sampling time below zero": log("u,y\n" + PAIRS, refused("--ts"), Ts=-0.1),

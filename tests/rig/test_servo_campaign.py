@@ -58,6 +58,13 @@ def test_the_first_goals_tell_speed_and_time_constant_and_the_folder_has_the_log
     assert main(["rig", "wire", "shank", *rig[:4]]) == 0
     assert main(["rig", "auto", "thigh", *rig]) == 2
     assert "rig.toml is of the shank, a dynamixel servo" in capsys.readouterr().err
+    assert main(["rig", "wire", "thigh", *rig[:4]]) == 2  # another joint's file is not written over
+    assert "rig.toml is that of the shank, a dynamixel servo; give another --rig" in capsys.readouterr().err
+    assert main(["rig", "auto", "thigh", *rig, "--rig", "none.toml"]) == 2
+    assert "none.toml" in capsys.readouterr().err
+    Path("rig.toml").write_text('joint = "thigh"\nchannel = 1\n')
+    assert main(["rig", "auto", "thigh", *rig]) == 2
+    assert "rig.toml is that of a board, not of a servo" in capsys.readouterr().err
 
 
 def test_a_run_that_is_stopped_leaves_its_log_and_says_so():

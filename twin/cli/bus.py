@@ -11,7 +11,7 @@ import typer
 
 from sysid.base.errors import InputError
 from twin.cli import console, options
-from twin.cli.cable import BUSES, ask, say
+from twin.cli.cable import BUSES, FILE, ask, say
 from twin.cli.keeping import kept_logs
 from twin.cli.output import run_folder
 from twin.cli.results import note_result
@@ -142,11 +142,11 @@ def run(
     """Play goals, write their log, and say how it went; an emulated servo also shows what was hidden in it."""
     from twin.rig.bus.recording import log_of, save
     from twin.rig.bus.run import check_goals, play, read_goals
-    from twin.rig.bus.servo import read, wired
+    from twin.rig.bus.servo import wired
     from twin.rig.room import room_for
 
     given = read_goals(goals)
-    known: Servo | None = read(rig) if emulate is None or Path(rig).exists() else None
+    known = _known(rig, emulate)
     if known is not None and known.bus != name:
         raise InputError(f"{rig} is of a {known.bus} servo, not of {name}; give another --rig")
     if known is not None:
@@ -168,6 +168,17 @@ def run(
     _end(recording, result.meta, hidden, log, as_json)
 
 
+def _known(rig: str, emulate: str | None) -> "Servo | None":
+    """The file of a servo; None of an emulated one without a file. Raises InputError for that of a board."""
+    from twin.rig.bus.servo import is_servo, read
+
+    if emulate is not None and rig == FILE and not Path(rig).exists():
+        return None
+    if Path(rig).is_file() and not is_servo(rig):
+        raise InputError(f"{rig} is that of a board, not of a servo; give another --rig")
+    return read(rig)
+
+
 def auto(
     name: str,
     joint: str,
@@ -186,9 +197,9 @@ def auto(
     from twin.report import rig as report
     from twin.rig.bus.auto import campaign
     from twin.rig.bus.recording import save
-    from twin.rig.bus.servo import read, wired
+    from twin.rig.bus.servo import wired
 
-    known: Servo | None = read(rig) if emulate is None or Path(rig).exists() else None
+    known = _known(rig, emulate)
     if known is not None and (known.bus != name or known.joint != joint):
         raise InputError(f"{rig} is of the {known.joint}, a {known.bus} servo; give another --rig, or wire this one")
     baud = known.baud if known else None

@@ -177,6 +177,19 @@ def check_new_file(path: str) -> None:
     check_writable_file(Path(path))
 
 
+def check_replaced(path: str, joint: str, bus: str | None) -> None:
+    """Raises InputError where the file at `path` is that of another rig, which `wire` would write over."""
+    from twin.rig.calibration import read_toml
+
+    try:
+        there = read_toml(path)
+    except InputError:
+        return  # none, or a damaged one
+    if (there.get("joint"), there.get("bus")) != (joint, bus):
+        kind = f"a {there['bus']} servo" if "bus" in there else "a joint on a board"
+        raise InputError(f"{path} is that of the {there.get('joint')}, {kind}; give another --rig, or move it away")
+
+
 def same_rig(rig: str, emulate: str | None, seed: int) -> str:
     """The options with which the next verb finds the same rig."""
     return f" --rig {rig}" + ("" if emulate is None else f" --emulate {emulate} --seed {seed}")

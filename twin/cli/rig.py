@@ -23,6 +23,7 @@ from twin.cli.cable import (
     check_angles,
     check_known,
     check_new_file,
+    check_replaced,
     first_calibration,
     rig_on,
     same_rig,
@@ -108,7 +109,9 @@ def wire(
     from twin.rig.wiring import find_wiring
 
     check_new_file(rig)
-    if name := servos.name_of(bus, emulate):
+    name = servos.name_of(bus, emulate)
+    check_replaced(rig, joint, name)
+    if name:
         wired = servos.wire(name, id, joint, rig, port, emulate, seed, speaker(as_json))
         say(wired, as_json, f"Written: {rig}", f"Next: qpal rig run GOALS.csv{same_rig(rig, emulate, seed)}")
         return
