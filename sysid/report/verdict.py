@@ -98,7 +98,7 @@ def too_narrow(e: Evaluation) -> str:
     if not any(v.low is not None for v in e.values) and not any(np.isfinite(r.modulus.upper) for r in e.roots or ()):
         return ""
     reason = ""
-    gap = 0.0 if e.growing or not e.unseen else e.estimation_fit - e.validation_fit
+    gap = 0.0 if e.growing or not e.unseen else e.fall
     if not np.isfinite(gap) or gap > (APART if e.values else OVERFITTED):
         reason = (
             f"the fit falls from {percent(e.estimation_fit)} on the estimation data to {percent(e.validation_fit)} on "

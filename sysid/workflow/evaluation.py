@@ -42,7 +42,7 @@ from sysid.uncertainty.information import information
 from sysid.uncertainty.intervals import Root
 from sysid.workflow.named_values import named_values
 from sysid.workflow.remarks import extrapolated_joint, extrapolated_signals, gain_remarks, warnings_of
-from sysid.workflow.results import Curve, Evaluation, Growing, OneOutput, OneStep
+from sysid.workflow.results import Curve, Evaluation, Growing, OneOutput, OneStep, fall_between
 from sysid.workflow.setting import Setting
 
 OVERFITTED = 10.0  # points of fit between the two parts that a report speaks of
@@ -127,7 +127,8 @@ def evaluate_fit(
         notes.append(f"in the validation data {fit.divergence(validation)}")
     elif network and (excursion := network.excursion(validation)):
         notes.append(f"in the validation data {excursion}")
-    if validation is not estimation:
+    allowed = OVERFITTED if physics is None else APART
+    if validation is not estimation and fall_between(fits_compared, estimation, validation) > allowed:
         notes += _difference_of_parts(fit, fits_compared, joint=physics is not None)
     notes += gain_remarks(estimation, validation, validation_run, None if step is None else step.y)
     if chain is not None:
@@ -185,7 +186,7 @@ def _residual_tests(
 
 def _difference_of_parts(fit: Fit | NlarxFit, fits: tuple[float, float], joint: bool) -> list[str]:
     """A sentence where the fit [%] of the validation data is far below that of the estimation data, and why."""
-    if not np.isfinite(fits).all() or fits[0] - fits[1] <= (APART if joint else OVERFITTED):
+    if not np.isfinite(fits).all():
         return []
     words = [f"{percent:.0f} %" if percent > _DIVERGED else f"below {_DIVERGED:.0f} %" for percent in fits]
     if joint:

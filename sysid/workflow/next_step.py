@@ -274,7 +274,7 @@ def _search_structures(result: Identification) -> NextStep | None:
 
 def _lack(e: Evaluation) -> str:
     """What is wrong with a model of which no more is known."""
-    if e.estimation_fit - e.validation_fit > OVERFITTED:
+    if e.fall > OVERFITTED:
         ample = has_ample_samples(e.fit)
         return "the two parts of the record differ" if ample else "the model is too large for this record"
     if e.judged_fit >= POOR:
@@ -314,7 +314,7 @@ def _sizes(result: Identification) -> Iterable[NextStep]:
     recipe = e.setting.recipe
     if result.selection is not None or isinstance(recipe, ActuatedJoint) or recipe.with_parts:
         return
-    too_large = e.estimation_fit - e.validation_fit > OVERFITTED and not has_ample_samples(e.fit)
+    too_large = e.fall > OVERFITTED and not has_ample_samples(e.fit)
     for neighbour in sorted(recipe.neighbours(), key=_size, reverse=not too_large):
         if too_large or _size(neighbour) >= _size(recipe):
             better = "another size of this model does better"  # said where the trial has shown it

@@ -88,6 +88,15 @@ class OneOutput:
         return {**found, "residuals": self.tests.as_dict() if self.tests else None}
 
 
+def fall_between(fits: tuple[float, float], estimation: IOData, validation: IOData) -> float:
+    """Points from the first fit [%] to the second, both for the larger of the two outputs: where the output is smaller,
+    as at the end of a chirp, the same errors are a lower fit, and nothing has become worse.
+    """
+    sizes = [float(np.mean(np.nanstd(np.where(d.observed, d.y, np.nan), axis=0))) for d in (estimation, validation)]
+    left = [(100.0 - fit) * size / max(sizes) for fit, size in zip(fits, sizes, strict=True)]
+    return left[1] - left[0]
+
+
 @dataclass(frozen=True)
 class Evaluation:
     """A fit with its free-run simulations of both parts of the record and the tests of its validation residuals.
@@ -163,6 +172,11 @@ class Evaluation:
         """
         seen = self.validation_fit if self.unseen else self.estimation_fit
         return seen if self.growing is None else self.growing.fit
+
+    @property
+    def fall(self) -> float:
+        """Points of fit by which the validation errors exceed those of the estimation data; see `fall_between`."""
+        return fall_between((self.estimation_fit, self.validation_fit), self.estimation, self.validation)
 
     @property
     def part(self) -> str:

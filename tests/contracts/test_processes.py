@@ -14,9 +14,12 @@ from sysid.channels.conversion import convert
 from sysid.estimation.origin import Origin
 from sysid.formats import unit_in
 from sysid.plots.responses import step_figure
-from sysid.structures import process
+from sysid.report.verdict import too_narrow
+from sysid.structures import ProcessModel, process
 from sysid.uncertainty.intervals import Band
+from sysid.workflow.evaluation import evaluate
 from sysid.workflow.record import read_record
+from sysid.workflow.setting import Setting
 from twin.cli import main
 
 U, Y = np.random.default_rng(4).normal(size=(2, 60)).round(3)
@@ -125,3 +128,16 @@ def test_a_run_from_rest_waits_for_its_delay_where_the_input_begins_at_once():
     module: dict = {}
     exec(sysid.export.python.source(fit), module)
     np.testing.assert_allclose(module["simulate"]([1.0] * 30), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("noise", "narrow"), [(1.0, False), (8.0, True)])
+def test_an_output_that_becomes_smaller_is_no_model_that_becomes_worse(noise: float, narrow: bool):
+    """A chirp through a lag, with the same noise in both halves, and with more in the second."""
+    N, Ts = 4000, 0.01
+    t = Ts * np.arange(N)
+    u, a = np.cos(2.0 * np.pi * (0.1 + 0.1 * t) * t), np.exp(-Ts / 0.5)
+    e = 0.01 * np.random.default_rng(1).standard_normal(N) * np.where(np.arange(N) < N // 2, 1.0, noise)
+    data = sysid.IOData(u, lfilter([0.0, 2.0 * (1.0 - a)], [1.0, -a], u) + e, Ts)
+    evaluation = evaluate(Setting(ProcessModel("P1"), starts=1), data.select(0, N // 2), data.select(N // 2, N))
+    assert evaluation.estimation_fit > evaluation.validation_fit + 3.0
+    assert bool(too_narrow(evaluation)) == narrow
