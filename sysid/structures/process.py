@@ -78,9 +78,9 @@ class ProcessModel(Recipe):
         return self.model().sampled(data.Ts)
 
     def neighbours(self) -> tuple[Recipe, ...]:
-        """One time constant more or less, a pair for two of them, and each of delay, integrator and zero or none."""
+        """One time constant more or less, a pair for one or two, and each of delay, integrator and zero or none."""
         b = self._block
-        changes: list[dict[str, Any]] = [{"lags": 2, "pair": False}] if b.pair else []
+        changes: list[dict[str, Any]] = [{"lags": n, "pair": False} for n in (1, 2)] if b.pair else []
         changes += [] if b.pair else [{"lags": b.lags + 1}, {"lags": b.lags - 1}]
         changes += [{"lags": 0, "pair": True}] if b.lags in (1, 2) else []
         changes += [{name: not getattr(b, name)} for name in ("integrator", "delayed", "zero")]

@@ -5,6 +5,7 @@ import shlex
 from contextlib import suppress
 from dataclasses import replace
 
+import numba
 import numpy as np
 import pytest
 from often import often
@@ -212,7 +213,9 @@ def test_a_smaller_kind_that_bic_does_not_prefer_is_not_said():
     assert gain_of(result, step, fewer.evaluation) is None
 
 
-def test_nothing_is_compiled_within_a_budget_that_nobody_gave():
+def test_nothing_is_compiled_within_a_budget_that_nobody_gave(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))  # an earlier run has left nothing
+
     @kernel
     def twice(x):
         return 2.0 * x
