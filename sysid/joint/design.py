@@ -27,6 +27,7 @@ from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, wea
 from sysid.joint.sampling import LONGEST_DELAY, rate_needed
 from sysid.joint.use import Use, add_parts_for_use
 from sysid.joint.values import JointValue, joint_values
+from sysid.model.chain import Chain
 
 TARGETS = {
     "ends": ("end_low", "end_high", "speed_per_volt"),
@@ -286,14 +287,22 @@ def _expected_values(
         notes.append(
             f"no backlash is known yet; the prediction has one of {width_in_words}, to test whether it would show"
         )
-    noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
-    record = with_names_of(IOData(u, y + noise, course.Ts), data)
+    record = IOData(u, y, course.Ts)
+    return values_of_simulated(chain, theta, record, data, fit.criteria.mse, complete, both), notes
+
+
+def values_of_simulated(
+    chain: Chain, theta: np.ndarray, record: IOData, data: IOData, mse: float, complete: bool, both: bool
+) -> tuple[JointValue, ...]:
+    """The values from a simulated record with noise of variance `mse`, together with the real `data` if `both`."""
+    noise = np.sqrt(mse) * np.random.default_rng(0).standard_normal(record.y.shape)
+    record = _with_names(replace(record, y=record.y + noise), data)
     record = IOData.merge(data, record) if both else record
     refit = fit_chain(chain, record, start=np.array(theta), search="lm")
-    return joint_values(refit, data=record, complete=complete), notes
+    return joint_values(refit, data=record, complete=complete)
 
 
-def with_names_of(record: IOData, model_record: IOData) -> IOData:
+def _with_names(record: IOData, model_record: IOData) -> IOData:
     """The record with the names and units of another."""
     return replace(
         record,

@@ -166,7 +166,7 @@ def _helps(e: Evaluation, other: Evaluation, gain: Gain, data: IOData, ahead: in
     a, b = e.fit.criteria, other.fit.criteria
     if not gain.fit > 0.0:  # a free run that is worse than the mean of the data is no model
         return False
-    is_better = not gain.fit < gain.instead + CLOSE if np.isfinite(gain.instead) else np.isfinite(gain.fit)
+    is_better = not gain.fit < gain.instead + CLOSE  # also where the first run diverges
     by_bic = a.N == b.N and e.fit.predicts == other.fit.predicts and b.bic < a.bic
     if b.d < a.d and by_bic and not poor(e.judged_fit, e.tests):
         return gain.fit > gain.instead - CLOSE

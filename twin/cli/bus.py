@@ -12,7 +12,7 @@ import typer
 from sysid.base.errors import InputError
 from twin.cli import console, options
 from twin.cli.cable import BUSES, FILE, ask, say
-from twin.cli.keeping import kept_logs
+from twin.cli.keeping import kept_logs, write_campaign
 from twin.cli.output import run_folder
 from twin.cli.results import note_result
 from twin.cli.stopping import hold_requests
@@ -193,8 +193,6 @@ def auto(
     as_json: bool,
 ) -> "tuple[Path, Campaign]":
     """Go round from goals to values; the folder with the logs and the report, and what was found."""
-    from sysid.report.page import write
-    from twin.report import rig as report
     from twin.rig.bus.auto import campaign
     from twin.rig.bus.recording import save
     from twin.rig.bus.servo import wired
@@ -220,11 +218,7 @@ def auto(
             result = campaign(bus, servo, seed, most, budget, step, lambda share: step.part(share, "playing"), keep)
         if emulator is not None:
             result = replace(result, truth=emulator.truth())
-        if not result.rounds and result.interrupted:
-            raise KeyboardInterrupt
-        if not result.rounds:
-            raise InputError(f"{result.stopped}; nothing was identified")
-        write(scratch, report.page(result), result.as_dict())
+        write_campaign(result, scratch)
     return folder, result
 
 

@@ -15,6 +15,7 @@ from twin.cli.stopping import hold_requests
 
 if TYPE_CHECKING:
     from twin.log import Log
+    from twin.rig.auto import Campaign
 
 
 def check_new_log(log: str) -> None:
@@ -77,6 +78,18 @@ class Logs:
         if self.place.exists() and not paths:
             self.place.rmdir()
         return paths
+
+
+def write_campaign(result: "Campaign", scratch: Path) -> None:
+    """The report of `qpal rig auto`. Raises InputError, or KeyboardInterrupt, where nothing was identified."""
+    from sysid.report.page import write
+    from twin.report import rig as report
+
+    if not result.rounds and result.interrupted:
+        raise KeyboardInterrupt
+    if not result.rounds:
+        raise InputError(f"{result.stopped}; nothing was identified")
+    write(scratch, report.page(result), result.as_dict())
 
 
 @contextmanager

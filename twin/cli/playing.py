@@ -26,7 +26,7 @@ from twin.cli.cable import (
     rig_on,
     say,
 )
-from twin.cli.keeping import check_new_log, kept_logs, save_log
+from twin.cli.keeping import check_new_log, kept_logs, save_log, write_campaign
 from twin.cli.output import run_folder
 from twin.cli.results import note_result
 from twin.cli.stopping import hold_requests
@@ -128,9 +128,7 @@ def auto(
 
     Limit: --experiments. Progress: each part. Budget: --budget.
     """
-    from sysid.report.page import write
     from twin.cli.live import Trace, played
-    from twin.report import rig as report
     from twin.rig.auto import TS, campaign
     from twin.rig.journal import journal
 
@@ -181,11 +179,7 @@ def auto(
             )
             if emulator is not None:
                 result = result.with_truth(emulator.truth(TS))
-        if not result.rounds and result.interrupted:
-            raise KeyboardInterrupt
-        if not result.rounds:
-            raise InputError(f"{result.stopped}; nothing was identified")
-        write(scratch, report.page(result), result.as_dict())
+        write_campaign(result, scratch)
     _finish(folder, result, as_json)
 
 

@@ -8,9 +8,8 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from sysid.estimation.fit import fit_chain
 from sysid.estimation.result import Fit
-from sysid.joint.design import with_names_of
+from sysid.joint.design import values_of_simulated
 from sysid.joint.posterior import fit_joint
 from sysid.joint.values import JointValue, joint_values
 from sysid.structures import ServoJoint
@@ -151,11 +150,8 @@ def _asked(values: Iterable[JointValue]) -> tuple[str, ...]:
 
 def _worth(fit: Fit, data: IOData, u: np.ndarray, open_values: list[str]) -> tuple[int, float]:
     """How many open values the goals u would determine beside `data`, and how narrowly all of them together."""
-    noise = np.sqrt(fit.criteria.mse) * np.random.default_rng(0).standard_normal(len(u))
-    record = IOData(u, np.asarray(fit.model.simulate(fit.theta, u)).ravel() + noise, data.Ts)
-    together = IOData.merge(data, with_names_of(record, data))
-    refit = fit_chain(fit.model, together, start=np.array(fit.theta), search="lm")
-    values = joint_values(refit, data=together, complete=True)
+    record = IOData(u, np.asarray(fit.model.simulate(fit.theta, u)).ravel(), data.Ts)
+    values = values_of_simulated(fit.model, fit.theta, record, data, fit.criteria.mse, complete=True, both=True)
     told = [v for v in values if v.name in open_values and v.low is not None and v.high is not None]
     widths = [(v.high - v.low) / max(abs(v.value), 1e-12) for v in told if v.low is not None and v.high is not None]
     return len(told), -float(sum(widths))
