@@ -15,8 +15,9 @@ from sysid.base.parallel import one_blas_thread
 from sysid.base.rates import same_rate
 from sysid.data.record import IOData, siso
 from sysid.data.trends import restore_offsets, with_offsets
-from sysid.estimation.free_run import resting_theta
+from sysid.estimation.free_run import at_rest
 from sysid.estimation.initial_state import estimate_initial, filters_only
+from sysid.model.chain import Chain
 from sysid.uncertainty.information import Information
 
 Follow = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -57,8 +58,8 @@ def linear(
     """
     record, level_of = _levels(info, record)
     with one_blas_thread():
-        theta, u, T, S = _sensitivity(info, record, n_init)
-        y = level_of(info.chain.simulate(theta, u))
+        chain, theta, u, T, S = _sensitivity(info, record, n_init)
+        y = level_of(chain.simulate(theta, u))
         variance = info.std_of(T) ** 2 + info.noise_variance * np.sum(S**2, axis=1)
         note = info.note_of(T)
     std = np.sqrt(variance + noise * info.noise_variance)
@@ -86,7 +87,7 @@ def monte_carlo(
     rng = np.random.default_rng(seed)
     record, level_of = _levels(info, record)
     with one_blas_thread():
-        theta, u, T, S = _sensitivity(info, record, n_init)
+        chain, theta, u, T, S = _sensitivity(info, record, n_init)
         follow = _follow(info, theta, record, S)
         outputs = []
         for _ in range(draws):
@@ -94,7 +95,7 @@ def monte_carlo(
             step = spread * (info.factor @ rng.standard_normal(info.factor.shape[1]))
             e = np.sqrt(info.noise_variance) * rng.standard_normal(S.shape[1])
             drawn = follow(np.clip(theta + step, *info.chain.limits) - theta, e)
-            y = info.chain.simulate(drawn, u) if info.chain.admissible(drawn) else np.full(len(u), np.nan)
+            y = chain.simulate(drawn, u) if chain.admissible(drawn) else np.full(len(u), np.nan)
             if np.all(np.isfinite(y)):
                 outputs.append(y + noise * np.sqrt(info.noise_variance) * rng.standard_normal(len(u)))
         note = info.note_of(T)
@@ -115,7 +116,7 @@ def monte_carlo(
         np.where(is_undetermined, np.inf, upper),
         Y.std(axis=0, ddof=1),
     )
-    y, t = level_of(info.chain.simulate(theta, u)), np.arange(len(u)) * info.Ts
+    y, t = level_of(chain.simulate(theta, u)), np.arange(len(u)) * info.Ts
     unit = info.data.y_unit
     return OutputBand(t, y, np.where(is_undetermined, np.nan, std), lower, upper, level, unit, draws, dropped, note)
 
@@ -132,12 +133,12 @@ def _levels(
 
 def _sensitivity(
     info: Information, record: IOData | np.ndarray | None, n_init: int | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """theta (P,) with the run's initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of its outputs."""
+) -> tuple[Chain, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The chain of the run, theta (P,) with its initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of its outputs."""
     chain, initial = info.chain, info.chain.initial
     if record is None:
         u = info.data.experiments[0].u[:, 0]
-        return info.theta, u, chain.tangent(info.theta, u)[1], np.zeros((len(u), 0))
+        return chain, info.theta, u, chain.tangent(info.theta, u)[1], np.zeros((len(u), 0))
     if isinstance(record, IOData):
         u, _ = siso(record)
         if len(record.experiments) > 1:
@@ -148,13 +149,13 @@ def _sensitivity(
         theta = estimate_initial(chain, info.theta, record.select(0, n))
         J = chain.tangent(theta, u)[1]
         if not initial.any():
-            return theta, u, J, np.zeros((len(u), 0))
-        return theta, u, *initial_state_sensitivity(J, initial, n)
+            return chain, theta, u, J, np.zeros((len(u), 0))
+        return chain, theta, u, *initial_state_sensitivity(J, initial, n)
     u = np.ascontiguousarray(record, dtype=float).ravel()
-    theta = resting_theta(chain, info.theta)
+    chain, theta = at_rest(chain, info.theta)
     J = chain.tangent(theta, u)[1]
     J[:, initial] = 0.0
-    return theta, u, J, np.zeros((len(u), 0))
+    return chain, theta, u, J, np.zeros((len(u), 0))
 
 
 def _follow(info: Information, theta: np.ndarray, record: IOData | np.ndarray | None, S: np.ndarray) -> Follow:

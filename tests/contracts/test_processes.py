@@ -16,6 +16,7 @@ from sysid.formats import unit_in
 from sysid.plots.responses import step_figure
 from sysid.report.verdict import too_narrow
 from sysid.structures import ProcessModel, process
+from sysid.uncertainty import bands
 from sysid.uncertainty.intervals import Band
 from sysid.workflow.evaluation import evaluate
 from sysid.workflow.record import read_record
@@ -119,12 +120,17 @@ def test_a_run_from_rest_waits_for_its_delay_where_the_input_begins_at_once():
     u[:20] = 0.0
     a = np.exp(-Ts / 9.0)
     y = np.concatenate([np.zeros(6), lfilter([2.0 * (1.0 - a)], [1.0, -a], u)])[: len(u)]
-    fit = sysid.fit(process("P1D"), sysid.IOData(u, y + 0.01 * rng.standard_normal(len(u)), Ts), starts=1)
+    data = sysid.IOData(u, y + 0.01 * rng.standard_normal(len(u)), Ts)
+    fit = sysid.fit(process("P1D"), data, starts=1)
     value = {p.name.rpartition(".")[2]: p.value for p in fit.parameters}
     t = Ts * np.arange(30)
     expected = value["y0"] + value["K"] * -np.expm1(-np.maximum(t - value["Td"], 0.0) / value["T1"])
     assert value["Td"] == pytest.approx(5.0, abs=0.1)
     np.testing.assert_allclose(fit.simulate(np.ones(30)), expected, atol=1e-12)
+    info, moves = sysid.information(fit, data), t > value["Td"]
+    for band in (bands.linear(info, np.ones(30)), bands.monte_carlo(info, np.ones(30), draws=50)):
+        np.testing.assert_allclose(band.y, expected, atol=1e-12)
+        assert np.ptp(band.std[~moves]) < 1e-12  # of the offset alone
     module: dict = {}
     exec(sysid.export.python.source(fit), module)
     np.testing.assert_allclose(module["simulate"]([1.0] * 30), expected, atol=1e-12)
