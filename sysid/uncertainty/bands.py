@@ -134,7 +134,7 @@ def _levels(
 def _sensitivity(
     info: Information, record: IOData | np.ndarray | None, n_init: int | None
 ) -> tuple[Chain, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The chain of the run, theta (P,) with its initial state, u (N,), dy/dtheta (N, P) and dy/de (N, n) of its outputs."""
+    """The run's chain, theta (P,) with its initial state, u (N,), dy/dtheta (N, P), and dy/de (N, n) of its outputs."""
     chain, initial = info.chain, info.chain.initial
     if record is None:
         u = info.data.experiments[0].u[:, 0]
