@@ -23,19 +23,21 @@ class Offset(Map):
 
     With it no mean has to be taken off a record before a fit: a mean is no operating point of a record that begins at
     rest, and a saturation or an integrator counts from a zero of its own. `found` where a fit has put it there, behind
-    a named shape.
+    a named shape. `each`: every experiment has a zero of its own, as on another day; that of a run is found with its
+    initial state.
     """
 
     functions: ClassVar = {"value": value}
     centred: ClassVar = True
 
     found: bool = field(default=False, kw_only=True)
+    each: bool = field(default=False, kw_only=True)
 
     def asked(self) -> Block | None:
         return None if self.found else self
 
     def slots(self) -> tuple[Slot, ...]:
-        return (Slot("y0"),)
+        return (Slot("y0", initial=self.each, holds=self.each),)
 
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         return [f"{w.y} = {w.sum([(1.0, w.x), (float(theta[0]), '')])}"]

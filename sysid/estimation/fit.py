@@ -29,6 +29,7 @@ from sysid.base.criteria import criteria
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
+from sysid.blocks import Offset
 from sysid.data.record import IOData, check_magnitudes
 from sysid.estimation.finer_maps import becomes_finer, finer_maps, has_finer_maps, on_break_points, smoothing
 from sysid.estimation.free_run import autoregression, warn_of_divergence
@@ -228,10 +229,12 @@ def _warn_without_agreement(result: SearchResult) -> tuple[str, ...]:
 
 def _n_init(model: Chain, data: IOData) -> int:
     """Samples that give the initial state of a free run: a twentieth of a record, because slow states need many."""
-    N = min(data.lengths)
-    # Chosen by hand: at least 50 samples and four for each state, at most 1000 and a quarter of the record.
+    N, limit = min(data.lengths), 1000
+    # Chosen by hand: at least 50 samples and four for each state, at most 1000 and a quarter of the record. A zero of
+    # the record's own looks like a slow state, so it has all of them.
     least = max(50, 4 * max((b.n_state for _, b in model.dynamics), default=0))
-    return min(max(least, min(N // 20, 1000)), N // 4)
+    own_zero = any(isinstance(part, Offset) and part.each for b in model.blocks for _, part in b.parts())
+    return min(max(least, limit if own_zero else min(N // 20, limit)), N // 4)
 
 
 def _model_at(model: Chain, start: Any) -> Chain:

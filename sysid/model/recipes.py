@@ -15,7 +15,7 @@ from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 
 Map = str | StaticBlock
-OFFSETS = ("free", "none")
+OFFSETS = ("free", "each", "none")  # "each": one for every experiment
 Order = int | Sequence[Sequence[int]]
 
 
@@ -52,7 +52,8 @@ def choice(default: str, help: str, allowed: Sequence[str]) -> Any:
 
 def zero_of_output() -> Any:
     """A field that says whether the zero of the output is a parameter, see `with_offset`."""
-    return choice("free", "offset of the output, a parameter where no map holds it already", OFFSETS)
+    words = "offset of the output: a parameter where no map holds it already, one for each log, or none"
+    return choice("free", words, OFFSETS)
 
 
 def number(default: float | None, help: str, unit: str) -> Any:
@@ -255,17 +256,22 @@ def maps(kind: Map | Sequence[Map], role: str, channels: int) -> Block:
 
 
 def with_offset(blocks: Sequence[Block], ny: int, offset: str) -> tuple[Block, ...]:
-    """The blocks of a chain, with the offsets of ny outputs behind them if `offset` is "free" and no map holds them."""
+    """The blocks of a chain, with the offsets of ny outputs behind them.
+
+    Of "free" ones where no map holds them; "each" gives every experiment its own.
+    """
     if offset not in OFFSETS:
         raise unknown("offset", offset, OFFSETS)
-    return tuple(blocks) if offset == "none" or _hold_offset(blocks) else (*blocks, maps(Offset(), "offset", ny))
+    if offset == "none" or (offset == "free" and _hold_offset(blocks)):
+        return tuple(blocks)
+    return (*blocks, maps(Offset(each=offset == "each"), "offset", ny))
 
 
 def offset_of_input(offset: str) -> tuple[Block, ...]:
-    """The constant before a chain without maps if `offset` is "free", else nothing."""
+    """The constant before a chain without maps if `offset` is "free", for every experiment if it is "each"."""
     if offset not in OFFSETS:
         raise unknown("offset", offset, OFFSETS)
-    return (Offset(role="offset"),) if offset == "free" else ()
+    return () if offset == "none" else (Offset(role="offset", each=offset == "each"),)
 
 
 def _hold_offset(blocks: Sequence[Block]) -> bool:

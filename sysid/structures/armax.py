@@ -17,8 +17,8 @@ def armax(
 
     A and C have nf coefficients. What is fitted is the prediction one step ahead from all measured outputs before, so
     that poles may lie anywhere and feedback does not bias them, as long as e is white. `input` is a static map f, none
-    by default. `offset` is "free" for a constant at the input, such as a load, where no map is there to hold it, or
-    "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    by default. `offset` is "free" for a constant at the input, such as a load, where no map is there to hold it,
+    "each" for one of every experiment, or "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     before = (static(input, "input"),) if input is not None else offset_of_input(offset)
     return Chain((*before, Innovations(nb, nf, nk, role="linear")), structure="armax", **limits)

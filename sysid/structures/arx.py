@@ -15,7 +15,8 @@ def arx(nb: int = 2, nf: int = 3, nk: int = 1, offset: str = "free", **limits: A
 
     A has nf coefficients. The first samples are those of a full initial state, so that the loss is the sum over the
     samples that have all their past. White noise at the output biases A: then use `armax` or `output_error`. `offset`
-    is "free" for a constant at the input, or "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    is "free" for a constant at the input, "each" for one of every experiment, or "none". `limits` are the `fixed` and
+    `bounds` of the chain, by parameter.
     """
     block = Innovations(nb, nf, nk, role="linear")
     plain = {f"linear.c{k}": 0.0 for k in range(1, nf + 1)}

@@ -16,7 +16,8 @@ def bj(nb: int = 2, nf: int = 3, nk: int = 1, nc: int = 2, nd: int = 2, offset: 
     F has nf coefficients, C nc and D nd. What is fitted is the prediction one step ahead, so that no colour of the
     noise costs precision, as it costs `output_error`, and the plant is right even where C/D is too small for the
     noise, as `armax` is not (Ljung, System Identification, 2nd ed. 1999, section 8.4). `offset` is "free" for a
-    constant at the input, or "none". `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    constant at the input, "each" for one of every experiment, or "none". `limits` are the `fixed` and `bounds` of the
+    chain, by parameter.
     """
     block = Block(nb, nf, nk, nc=nc, nd=nd, role="linear")
     return Chain((*offset_of_input(offset), block), structure="bj", **limits)

@@ -33,8 +33,8 @@ def hammerstein(
 ) -> Chain:
     """y = B/F f(u): a static map, for example of an actuator, before linear dynamics; one map for each input.
 
-    `offset` is "free" for an offset of each output where no map holds it, else "none": then take the means off the
-    record first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    `offset` is "free" for an offset of each output where no map holds it, "each" for one of every experiment, else
+    "none": then take the means off the record first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny))
     return Chain(with_offset(blocks, ny, offset), structure="hammerstein", **limits)

@@ -35,8 +35,8 @@ def hammerstein_wiener(
     """y = h(B/F f(u)), equations (3) to (5) of Guni and Irawan 2016, with the toolbox's defaults.
 
     It cannot model an end stop of an integrating plant, because its state is linear. `offset` is
-    "free" for an offset of each output where no map holds it, else "none". `limits` are the `fixed` and `bounds` of the
-    chain, by parameter.
+    "free" for an offset of each output where no map holds it, "each" for one of every experiment, else "none".
+    `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     blocks = (maps(input, "input", nu), filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(with_offset(blocks, ny, offset), structure="hammerstein_wiener", **limits)

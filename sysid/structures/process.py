@@ -51,8 +51,9 @@ def process(kind: str = "P1D", offset: str = "free", **limits: Any) -> Chain:
     kind: "P", the number of time constants (0 to 3), then letters: D for a delay Td, which need be no whole number of
     samples, I for an integrator, Z for a zero, U for a pair of poles wn, zeta, real or complex, in place of T1 and T2;
     such as "P1D" or "P2DZU". The input is held between its samples. `offset` is "free" for an offset of the output,
-    with an integrator of the input, which it integrates; else "none". `limits` are the `fixed` and `bounds` of the
-    chain, by parameter: plant.K [unit of y per unit of u], plant.T1 [s]. A fit takes the sampling time of its record.
+    with an integrator of the input, which it integrates; "each" for one of every experiment; else "none". `limits` are
+    the `fixed` and `bounds` of the chain, by parameter: plant.K [unit of y per unit of u], plant.T1 [s]. A fit takes
+    the sampling time of its record.
     """
     block = _kind(kind)
     if not block.integrator:

@@ -33,8 +33,8 @@ def wiener(
 ) -> Chain:
     """y = h(B/F u): linear dynamics before a static map, for example of a sensor; one map for each output.
 
-    `offset` is "free" for an offset of each output where no map holds it, else "none": then take the means off the
-    record first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
+    `offset` is "free" for an offset of each output where no map holds it, "each" for one of every experiment, else
+    "none": then take the means off the record first. `limits` are the `fixed` and `bounds` of the chain, by parameter.
     """
     blocks = (filters(nb, nf, nk, nu, ny), maps(output, "output", ny))
     return Chain(with_offset(blocks, ny, offset), structure="wiener", **limits)

@@ -283,10 +283,14 @@ def _lack(e: Evaluation) -> str:
 
 
 def _offset(result: Identification) -> NextStep | None:
-    """A model whose output is zero where its input is; means that were removed are those of no operating point."""
+    """A model whose output is zero where its input is; means that were removed are those of no operating point. Of
+    several logs, one whose zero is the same in all of them."""
     recipe = result.evaluation.setting.recipe
-    if getattr(recipe, "offset", "free") != "none" or result.selection is not None:
+    offset, several = getattr(recipe, "offset", "each"), len(result.record.data.experiments) > 1
+    if offset == "each" or result.selection is not None or not (several or offset == "none"):
         return None
+    if several:
+        return _step("the zero of the output differs between the logs", result, guess=True, offset="each")
     return _step("the zero of the output is held", result, guess=True, offset="free")
 
 
