@@ -96,9 +96,13 @@ def write_campaign(result: "Campaign", scratch: Path) -> None:
 def kept_logs(folder: Path, scratch: Path, as_json: bool = False) -> Iterator[Logs]:
     """Logs of experiments, which stay where they are if the verb is stopped, even killed.
 
-    They are in NAME-logs beside `folder`, and move into `scratch` when all is done. Raises InputError where such a
+    They are in NAME-logs beside `folder`, and move into `scratch` when all is done. Raises InputError where either
     folder has logs already.
     """
+    if any(folder.glob("experiment-*.csv")):
+        raise InputError(
+            f"{folder} has the logs of a former run, and a record cannot be made again; give another --out"
+        )
     logs = Logs(folder.with_name(f"{folder.name}-logs"))
     if logs.found():
         recover_logs(logs.place)
