@@ -284,7 +284,6 @@ def test_logs_of_experiments_outlast_what_stops_them():
     assert not Path("out-logs").exists()
     scratch.rename(folder)
     scratch.mkdir()
-    with pytest.raises(InputError, match="out has the logs of a former run.* give another --out"):
-        with kept_logs(folder, scratch):
-            pass
+    with pytest.raises(InputError, match="out has the logs of a former run"), kept_logs(folder, scratch):
+        pass
     assert [path.name for path in folder.iterdir()] == ["experiment-1.csv"]

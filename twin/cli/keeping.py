@@ -100,9 +100,7 @@ def kept_logs(folder: Path, scratch: Path, as_json: bool = False) -> Iterator[Lo
     folder has logs already.
     """
     if any(folder.glob("experiment-*.csv")):
-        raise InputError(
-            f"{folder} has the logs of a former run, and a record cannot be made again; give another --out"
-        )
+        raise InputError(f"{folder} has the logs of a former run, which cannot be made again; give another --out")
     logs = Logs(folder.with_name(f"{folder.name}-logs"))
     if logs.found():
         recover_logs(logs.place)
