@@ -4,6 +4,7 @@ Static formulas use * and ^ and the functions min, max, exp, floor, so that they
 """
 
 from sysid.base.checks import checked
+from sysid.base.quantities import SHARE
 from sysid.block.block import StaticBlock
 from sysid.block.writing import Writer
 from sysid.estimation.result import Fit
@@ -53,7 +54,9 @@ def units_of_record(fit: AnyFit) -> list[str]:
     if was is None or not (was.u_unit or was.y_unit):
         return []
     u_unit, y_unit = (unit or "?" for unit in was.si_units)
-    return [f"u is {was.u_name} [{u_unit}] and y is {was.y_name} [{y_unit}]"]
+    shares = [name for name, unit in (("u", was.u_unit), ("y", was.y_unit)) if SHARE in unit]
+    hint = f", {' and '.join(shares)} as 0.4 for 40 %" if shares else ""
+    return [f"u is {was.u_name} [{u_unit}] and y is {was.y_name} [{y_unit}]{hint}"]
 
 
 def _levels(fit: AnyFit, digits: int | None, u_offset: Offset, y_offset: Offset) -> list[str]:

@@ -283,6 +283,6 @@ def test_files_say_in_which_units_they_count_and_no_name_ends_a_comment(tmp_path
     )
     assert "In the files u is heater" in capsys.readouterr().out
     for name in ("output_error.h", "output_error.py", "output_error.m"):
-        assert "[1] and y is height [m]" in (tmp_path / "o" / name).read_text(encoding="utf-8")
+        assert "[1] and y is height [m], u as 0.4 for 40 %" in (tmp_path / "o" / name).read_text(encoding="utf-8")
     header = (tmp_path / "o" / "output_error.h").read_text(encoding="utf-8")
     assert "heater */" not in header
