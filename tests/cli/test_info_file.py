@@ -1,6 +1,7 @@
 """`qpal info FILE`: what a file is, the mapping to keep, the sampling, the repairs; and what reads by that mapping."""
 
 import json
+import shlex
 from pathlib import Path
 
 import numpy as np
@@ -67,11 +68,15 @@ def test_a_capture_is_described_and_its_mapping_reads_it_the_same(folder, capsys
     assert first["next"] == again["next"] == "qpal identify rig.csv --map rig.toml"
 
 
-def test_a_person_reads_the_mapping_and_the_next_command(folder, capsys):
+def test_a_person_reads_the_answer_first_and_the_next_commands(folder, capsys):
     assert main(["info", "log.csv", "--out", "out"]) == 0
     out = capsys.readouterr().out
-    assert out.startswith("# How log.csv is read; edit it and give it with --map.\n")
-    assert 'column = "voltage_V"' in out
+    assert " samples ● good" in out.splitlines()[0]
+    (to_edit,) = [line for line in out.splitlines() if line.startswith("To read it otherwise: ")]
+    command = to_edit.removeprefix("To read it otherwise: qpal ").partition(",")[0]
+    assert main([*shlex.split(command), "--out", "again"]) == 0
+    assert 'column = "voltage_V"' in (folder / "log.toml").read_text(encoding="utf-8")
+    capsys.readouterr()
     assert "Next: qpal identify log.csv --structure actuated_joint\n" in out  # as the first advice says
     assert "qpal compare log.csv --joint thigh" in out
     html = (folder / "out" / "report.html").read_text(encoding="utf-8")

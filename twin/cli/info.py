@@ -140,9 +140,11 @@ def _show_file(
             write_text(scratch / Path(write_map).name if inside else write_map, result.text)
             if not inside:
                 note_result(write_map)
-    sentences = [*report.sentences(result), *hints, *([] if write_map is None else [f"Mapping: {write_map}"])]
-    if not as_json:
-        print(result.text)
+    mapping = f"Mapping: {write_map}"
+    if write_map is None:
+        to_edit = shlex.join(["qpal", "info", file, "--write-map", f"{Path(file).stem}.toml"])
+        mapping = f"To read it otherwise: {to_edit}, edit that and give it with --map"
+    sentences = [*report.sentences(result), *hints, mapping]
     console.finish(folder, summary, as_json, report.terminal_tables(result), sentences, page.answer)
     if result.signals is None:
         raise typer.Exit(1)
