@@ -34,7 +34,7 @@ NOT_RUN = {
     ("benchmark-method.md", 0): "tests/docs/test_benchmark_method.py runs them on fewer scenarios",
     ("benchmark-method.md", 1): "the same",
     ("benchmark-method.md", 2): "the same",
-    ("benchmark.md", 0): "runs of a whole tag; tests/cli/test_bench.py and .ci/run run them",
+    ("benchmark.md", 0): "runs of a whole tag; tests/cli/test_bench.py and .ci/nightly run them",
     ("calibrate.md", 0): "minutes, and logs of a rig; tests/recovery/test_calibrate.py",
     ("calibrate.md", 1): "minutes, and logs of three days; tests/recovery/test_calibrate_runs.py",
     ("calibrate.md", 2): "the reader's own robot; tests/recovery/test_mjcf.py",
