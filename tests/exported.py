@@ -10,6 +10,7 @@ from tempfile import mkdtemp
 import numpy as np
 import pytest
 from cases import BLOCKS, STRUCTURES
+from often import by_day
 
 import sysid
 from sysid.base.criteria import criteria
@@ -114,7 +115,12 @@ def structure_fit(name):
     return chain_fit(STRUCTURES[name].model(), excitation()), lambda N: excitation(N=N)
 
 
-FITS = [*sorted(STRUCTURES), *(f"joint_{name}" for name in JOINTS)]
+# By day structures none of which is part of another one; tests of single blocks have each block.
+FITS = by_day(
+    [*sorted(STRUCTURES), *(f"joint_{name}" for name in JOINTS)],
+    *("actuated_joint", "armax", "bj", "coupled_drives", "hammerstein_wiener", "motor_profile", "nlarx", "process"),
+    *("servo_joint", "state_space", "wiener_hammerstein", "joint_with_everything"),
+)
 
 
 def changed(value, factor):

@@ -167,10 +167,6 @@ def test_a_design_and_a_fit_say_that_they_were_stopped(file, tmp_path, capsys):
     assert main(["design", file, "--for", "ends", *out]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert notes[0].startswith("the search was stopped after 1e-09 s, before its end stops were chosen")
-    assert main(["identify", file, "--structure", "hammerstein_wiener", *out]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert any("the fit was stopped after 1e-09 s with the best so far" in note for note in summary["notes"])
-    assert summary["setting"]["seconds"] == 1e-9
     assert main(["identify", file, "--structure", "actuated_joint", *out]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert any("the search was stopped after 1e-09 s" in note for note in summary["notes"])
@@ -179,6 +175,9 @@ def test_a_design_and_a_fit_say_that_they_were_stopped(file, tmp_path, capsys):
     assert "the search ran out of time" in said
     assert "Next: qpal identify" in said
     assert "--structure hammerstein_wiener --orders 2,3,1 --seconds 2e-09" in said
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text(encoding="utf-8"))
+    assert any("the fit was stopped after 1e-09 s with the best so far" in note for note in summary["notes"])
+    assert summary["setting"]["seconds"] == 1e-9
 
 
 @pytest.mark.parametrize("seconds", ["0", "-1", "nan", "inf"])

@@ -9,6 +9,7 @@ from typing import get_args
 import pytest
 import typer
 from cases import VERBS, without, write_lag
+from often import by_day
 from pages import assert_stands_alone
 
 import twin
@@ -60,8 +61,11 @@ def test_every_verb_that_reports_has_a_good_run():
     assert set(VERBS) == set(REPORTING)
 
 
-# `.ci/run` runs `reproduce` itself.
-@pytest.mark.parametrize("verb", [pytest.param(v, marks=[pytest.mark.nightly] * (v == "reproduce")) for v in REPORTING])
+# By day `.ci/run` runs `demo` and `reproduce`, tests/cli/test_design.py and tests/physics/test_crawl.py run theirs.
+ELSEWHERE = {"crawl", "demo", "design", "reproduce"}
+
+
+@pytest.mark.parametrize("verb", by_day(REPORTING, *(set(REPORTING) - ELSEWHERE)))
 def test_a_good_run_leaves_a_report_and_prints_its_summary(verb, folder, capsys, monkeypatch):
     monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})  # `reproduce`: one joint is enough
     assert main([verb, *VERBS[verb], "--json", "--out", "made/here"]) == 0

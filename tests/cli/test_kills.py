@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
+from often import by_day
 
 from twin.cli.stopping import Stopping
 
@@ -61,15 +62,18 @@ def at_work(place):
 
 @pytest.mark.parametrize(
     ("number", "when"),
-    [
-        ("TERM", at_once),
-        ("INT", at_work),
-        ("TERM", at_work),
-        ("USR1", at_once),  # a warning of batch systems, as the next ones
-        ("USR1", at_work),
-        ("USR2", at_work),
-        ("XCPU", at_work),
-    ],
+    by_day(
+        [
+            ("TERM", at_once),
+            ("INT", at_work),
+            ("TERM", at_work),
+            ("USR1", at_once),  # a warning of batch systems, as the next ones
+            ("USR1", at_work),
+            ("USR2", at_work),
+            ("XCPU", at_work),
+        ],
+        *(("TERM", at_once), ("INT", at_work), ("USR2", at_work), ("XCPU", at_work)),
+    ),
 )
 def test_a_run_that_is_told_to_stop_says_so_and_leaves_nothing(number, when, kills, given, tmp_path):
     place = tmp_path / "place"

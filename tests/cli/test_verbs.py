@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.signal
 from foreign import FOREIGN, ROBOT
+from often import FULL
 from pages import assert_stands_alone, without_seconds
 
 import sysid
@@ -21,7 +23,9 @@ from sysid import formats
 from sysid.base import criteria
 from sysid.data.preprocess import quick_start
 from sysid.report.page import Page
+from sysid.selection.space import Space
 from sysid.structures import HammersteinWiener
+from sysid.workflow import identification
 from sysid.workflow.evaluation import evaluate
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Setting
@@ -162,7 +166,10 @@ def test_identify_nlarx_keeps_free_run_and_one_step_apart(tmp_path, capsys):
     }
 
 
-def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_path, capsys):
+def test_identify_auto_finds_a_linear_plant_and_goes_on_from_its_journal(tmp_path, capsys, monkeypatch):
+    """By day every structure is tried, with the best orders alone; tests/recovery/test_select.py tries others."""
+    if not FULL:
+        monkeypatch.setattr(identification, "Space", partial(Space, kept_orders=1, grows=False))
     (tmp_path / "log.csv").write_text(TEXTS["comma.csv"])
     journal = tmp_path / "journal.jsonl"
     arguments = [

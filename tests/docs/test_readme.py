@@ -106,12 +106,14 @@ def test_links_and_pictures_exist():
 
 @pytest.mark.long
 def test_the_tables_of_results_are_what_reproduce_prints(monkeypatch):
-    """All three joints with QPAL_FULL=1, the shoulder otherwise."""
+    """All with QPAL_FULL=1; the paper's models of the shoulder otherwise: tests/cli/test_beyond.py fits its joint."""
     if not FULL:
         monkeypatch.setattr(protocol, "PAPER", {"shoulder": protocol.PAPER["shoulder"]})
+        monkeypatch.setattr(protocol.beyond, "run", lambda *_: None)
     result = protocol.run(seed=0)
-    for name, table in (("results", reproduce.table), ("beyond", actuated_joint.table)):
-        assert_printed(name, table(result))
+    assert_printed("results", reproduce.table(result))
+    if FULL:
+        assert_printed("beyond", actuated_joint.table(result))
 
 
 def assert_printed(name, grid):
