@@ -83,7 +83,7 @@ def test_a_corrupt_log_is_read_right_or_refused(name, content, expected, tmp_pat
     assert [entry.name for entry in tmp_path.iterdir()] == [name]  # nothing was run or left
 
 
-TIMES = 25 if FULL else 9
+TIMES = 25 if FULL else 5
 
 
 def truth() -> tuple[np.ndarray, np.ndarray]:

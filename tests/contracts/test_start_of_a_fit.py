@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from often import often
 from scipy.signal import lfilter
 
 import sysid
@@ -53,7 +54,7 @@ def near_integrator(seed: int) -> IOData:
     return IOData.merge(*[IOData(u[k : k + 200], y[k : k + 200], 0.1) for k in (400, 0, 200)])
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", often(6, 2))
 @pytest.mark.parametrize("output", ["saturation", "dead_zone_saturation"])
 def test_a_fit_of_several_experiments_is_not_worse_than_their_linear_model(seed, output):
     """The map that suits the longest experiment is flat over the others; the linear model is exact."""

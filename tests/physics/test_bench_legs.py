@@ -13,7 +13,7 @@ from twin.hardware.linkage import end_angles
 from twin.imperfections import IMPERFECTIONS
 from twin.parameters import Parameters
 
-QUICK = [("twin", "shank"), ("twin", "thigh-only-dropouts-servo"), ("legs", "thigh-servo"), ("mismatch", "thigh")]
+QUICK = [("twin", "thigh-only-dropouts-servo"), ("legs", "thigh-servo"), ("mismatch", "thigh")]
 EVERY = [(name, scenario) for name, family in TABLE.items() for scenario in family.scenarios()]
 
 

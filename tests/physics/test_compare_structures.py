@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from often import FULL
+from often import FULL, by_day
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter
 
@@ -176,7 +176,7 @@ def test_causes_are_the_twins_and_those_outside():
         assert all(knobs[name].lower <= knobs[name].nominal <= knobs[name].upper for name in structure.knobs)
 
 
-@pytest.mark.parametrize("colour", [0.0, 0.8])
+@pytest.mark.parametrize("colour", by_day([0.0, 0.8], 0.8))
 def test_parts_of_a_right_cause_disagree_no_more_often_than_said(colour, monkeypatch):
     """300 records of a line and two waves under noise, split in four ways, at a chance of 5 %; nothing is too small."""
     monkeypatch.setattr(remainders, "VISIBLE", 0.0)

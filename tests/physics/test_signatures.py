@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from cases import OTHER_SIZES, SIGNATURES
+from often import by_day
 
 from twin import IMPERFECTIONS, Parameters
 from twin.imperfections import Signature
@@ -31,7 +32,7 @@ def test_every_imperfection_has_a_signature() -> None:
     assert set(SIGNATURES) == set(TABLE)
 
 
-@pytest.mark.parametrize("parameters", SETS)
+@pytest.mark.parametrize("parameters", by_day(SETS, "other"))
 @pytest.mark.parametrize("key", TABLE)
 def test_measured_size_is_the_parameters(key: str, parameters: str) -> None:
     for size in signature(key, parameters).sizes:
@@ -39,7 +40,7 @@ def test_measured_size_is_the_parameters(key: str, parameters: str) -> None:
         assert size.measured == pytest.approx(size.true, rel=SIGNATURES[key][0]), size.name
 
 
-@pytest.mark.parametrize("parameters", SETS)
+@pytest.mark.parametrize("parameters", by_day(SETS, "other"))
 @pytest.mark.parametrize("key", TABLE)
 def test_without_the_imperfection_the_size_vanishes(key: str, parameters: str) -> None:
     for size in signature(key, parameters).sizes:
