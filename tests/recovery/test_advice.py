@@ -8,7 +8,7 @@ import itertools
 
 import numpy as np
 import pytest
-from often import FULL
+from often import FULL, by_day
 from scipy.signal import lfilter
 
 from sysid import IOData
@@ -72,13 +72,13 @@ PLANTS = {
 BY_DAY = {("coloured", white), ("integrating", held), ("output_error", held), ("slow", white)}  # each plant, each input
 
 
-def by_day(*case):
+def plant_by_day(*case):
     return pytest.param(*case, marks=[pytest.mark.nightly] * (case[:2] not in BY_DAY))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("plant", "excitation"), [by_day(plant, u) for plant, u in itertools.product(PLANTS, [white, held])]
+    ("plant", "excitation"), [plant_by_day(plant, u) for plant, u in itertools.product(PLANTS, [white, held])]
 )
 def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
     """No bend, no feedback, no drift, and the interval holds the true delay."""
@@ -101,8 +101,9 @@ def test_false_alarms_on_linear_plants_in_open_loop(plant, excitation):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("plant", "excitation", "power"), [
-    by_day("output_error", white, 0.99), by_day("output_error", held, 0.99), by_day("coloured", white, 0.99),
-    by_day("coloured", held, 0.99), by_day("slow", white, 0.99), by_day("slow", held, 0.85),
+    plant_by_day("output_error", white, 0.99), plant_by_day("output_error", held, 0.99),
+    plant_by_day("coloured", white, 0.99), plant_by_day("coloured", held, 0.99),
+    plant_by_day("slow", white, 0.99), plant_by_day("slow", held, 0.85),
 ])  # fmt: skip
 def test_delay_is_found(plant, excitation, power):
     make, nk = PLANTS[plant]
@@ -175,7 +176,7 @@ def regulated(rng):
     return IOData(u, y, 1.0)
 
 
-@pytest.mark.parametrize("changes", [1, 2, 3, 5, 10])
+@pytest.mark.parametrize("changes", by_day([1, 2, 3, 5, 10], 1, 3, 10))
 def test_an_input_that_seldom_changes_is_no_feedback_and_no_bend(changes):
     """The jumps stand in so few rows that a test with many degrees of freedom finds what is not there."""
     loops, bends = 0, 0
@@ -343,7 +344,7 @@ def long_delay(nk, kind, rng, n=800):
 
 
 @pytest.mark.parametrize("kind", ["held", "sweep"])
-@pytest.mark.parametrize("nk", [2, 40, 90, 150])
+@pytest.mark.parametrize("nk", by_day([2, 40, 90, 150], 2, 150))
 def test_the_range_of_delays_follows_the_record(nk, kind):
     for seed in range(3):
         found = told(long_delay(nk, kind, np.random.default_rng([24, nk, seed])))["delay"]

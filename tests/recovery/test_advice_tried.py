@@ -8,7 +8,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 import pytest
-from often import often
+from often import by_day, often
 from scipy.signal import cont2discrete, lfilter
 
 import sysid.workflow.identification as identification
@@ -84,8 +84,9 @@ def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+# By day one case of each kind of step: orders are a delay's, and an oven has what a map and too few lags have.
 @pytest.mark.parametrize("seed", often(5, 1))
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", by_day(CASES, *(set(CASES) - {"an oven", "delay"})))
 def test_the_gain_that_is_quoted_is_what_the_command_prints(case, seed, capsys):
     plant, asked, option, wanted = CASES[case]
     u = steps_of(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from often import FULL, often
+from often import often
 from scipy.signal import lfilter
 
 import sysid
@@ -87,7 +87,7 @@ def test_the_effective_number_of_parameters_is_the_trace_of_the_hat_matrix():
     assert effective_count(Linearisation.of(np.zeros(200), J), full) == pytest.approx(expected, rel=1e-10)
 
 
-@pytest.mark.parametrize("seed", range(12 if FULL else 3))
+@pytest.mark.parametrize("seed", often(12, 1))
 def test_a_smooth_curve_is_followed_where_ten_break_points_cannot(seed):
     """60 dB: ten lines miss a cubic curve by 700 times the variance of the noise, fifty by 2 to 5 (eight seeds)."""
     deviation = 1e-3
@@ -98,7 +98,7 @@ def test_a_smooth_curve_is_followed_where_ten_break_points_cannot(seed):
     np.testing.assert_allclose(np.sort(fine.poles), np.sort(np.roots([1.0, -1.2, 0.56])), atol=2e-3)
 
 
-@pytest.mark.parametrize("seed", range(12 if FULL else 3))
+@pytest.mark.parametrize("seed", often(12, 1))
 def test_a_corner_stays_a_corner(seed):
     """A saturation at 30 dB: what fifty break points cost beside two known ones is a small part of the noise."""
     deviation = 0.03
@@ -156,7 +156,7 @@ def test_what_is_held_or_given_stays():
 def test_a_fit_that_goes_on_keeps_the_prior():
     """On its own record it stays; on another of the same plant it comes as near to the truth as a new fit."""
     deviation, model, departures = 0.02, hammerstein_wiener(1, 2, 1), []
-    for seed in range(12 if FULL else 4):
+    for seed in often(12, 2):
         (data, _), (other, _) = (record(_cubic, 800, deviation, k) for k in (seed, 100 + seed))
         fit = sysid.fit(model, data, objective=BREAK_POINTS)
         again = sysid.fit(model, data, start=fit, objective=BREAK_POINTS)
@@ -184,7 +184,7 @@ def _saturation(x):
     return np.clip(x, -1.1, 0.8)
 
 
-@pytest.mark.parametrize("seed", often(12, 3))
+@pytest.mark.parametrize("seed", often(12, 1))
 def test_intervals_are_those_of_the_posterior(seed):
     """The covariance of the search, from its own rows, gives the filter the same deviations."""
     data, _ = record(_cubic, 800, 0.05, seed)
@@ -200,7 +200,7 @@ def test_intervals_are_those_of_the_posterior(seed):
 def test_the_band_of_a_free_run_holds_new_measurements_inside_and_beyond_the_range_of_the_record():
     """Drawn inputs of twice the range; beyond it the band is wide, since no record says what the map does there."""
     deviation, held, widths = 0.05, [], []
-    for seed in range(60 if FULL else 10):
+    for seed in often(60, 6):
         data, _ = record(_saturation, 600, deviation, seed)
         rng = np.random.default_rng(900 + seed)
         u = np.clip(rng.uniform(0.5, 2.0) * noise(rng, 1500), -4.0, 4.0)
@@ -269,7 +269,7 @@ def test_the_prior_does_not_depend_on_the_scale_between_a_map_and_the_filter_beh
     np.testing.assert_allclose(prior.rows @ (theta - scaled), 0.0, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", often(12, 4))
+@pytest.mark.parametrize("seed", often(12, 2))
 def test_maps_do_not_follow_noise_that_remembers(seed):
     """Noise that remembers five samples has slow waves, which 50 places could follow: d was 32 to 42."""
     rng = np.random.default_rng(seed)

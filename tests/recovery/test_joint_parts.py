@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from often import FULL
+from often import by_day
 from scipy.signal import lfilter
 from scipy.stats import truncnorm
 
@@ -146,14 +146,10 @@ def shares(rows: list[dict[str, bool]]) -> dict[str, float]:
     return {name: float(np.mean([row[name] for row in rows if name in row])) for name in names}
 
 
-def some(seeds: range) -> range:
-    """A quarter of the seeds of a reduced run: a fit takes seconds."""
-    return seeds if FULL else seeds[: len(seeds) // 4]
-
-
+@pytest.mark.nightly  # by day: all parts at once, and what a fit tells of one part
 @pytest.mark.slow
 def test_one_part_is_found_over_many_records(seeds: range) -> None:
-    found = shares([judged(("stribeck", "screw", "coasts")[seed % 3], seed // 3) for seed in some(seeds)])
+    found = shares([judged(("stribeck", "screw", "coasts")[seed % 3], seed // 3) for seed in seeds])
     assert found.pop("backlash") >= 0.75, found  # of a third of the records: one in four may miss
     assert all(share >= 0.9 for share in found.values()), found
 
@@ -161,13 +157,14 @@ def test_one_part_is_found_over_many_records(seeds: range) -> None:
 @pytest.mark.nightly
 @pytest.mark.slow
 def test_all_parts_at_once_are_found_over_many_records(seeds: range) -> None:
-    found = shares([judged("all", seed) for seed in some(seeds)[::2]])
+    found = shares([judged("all", seed) for seed in seeds[::2]])
     assert all(share >= 0.75 for share in found.values()), found
 
 
+@pytest.mark.nightly  # by day: the joints without parts of test_joint_occam.py
 @pytest.mark.slow
 def test_a_plain_joint_shows_no_part_over_many_records(seeds: range) -> None:
-    found = shares([judged("plain", seed) for seed in (some(seeds) if FULL else seeds[:1])])
+    found = shares([judged("plain", seed) for seed in seeds])
     assert all(share >= 0.95 for share in found.values()), found
 
 
@@ -294,7 +291,7 @@ def test_a_joint_whose_parts_run_away_is_the_plain_one(
     assert joint.fit.fit_percent(data) > 90.0
 
 
-@pytest.mark.parametrize("case", ["gap", "gap at first", "no input"])
+@pytest.mark.parametrize("case", by_day(["gap", "gap at first", "no input"], "gap at first", "no input"))
 def test_a_record_with_a_gap_or_without_input_gives_numbers_or_a_sentence(case: str) -> None:
     """A gap longer than the samples that give a free run its initial position; an input that is zero throughout."""
     chain, rng = PLANTS["plain"][0], np.random.default_rng(41)

@@ -111,7 +111,7 @@ def test_a_full_joint_has_every_part():
         fit_joint(sweep(0), FULL_JOINT)
 
 
-@pytest.mark.parametrize("seed", often(8, 2))
+@pytest.mark.parametrize("seed", often(8, 1))
 def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
     """Values that a sweep shows are found; what it does not show stays usual, and the free run on levels drawn is near.
 

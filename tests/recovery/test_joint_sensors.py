@@ -52,8 +52,9 @@ def points_lost(fit, data):
     return 100.0 * (np.sqrt(np.mean(e**2)) - NOISE) / np.std(data.y)
 
 
-@pytest.mark.parametrize("sign", [pytest.param(1.0, marks=pytest.mark.nightly), -1.0])
-@pytest.mark.parametrize("stops", [pytest.param("none", marks=pytest.mark.nightly), "both"])
+@pytest.mark.nightly  # by day: the pendulum of test_joint_verdict.py
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("stops", ["none", "both"])
 def test_a_pendulum_over_several_turns_fits_another_input_with_either_sign(sign, stops):
     pendulum = Reference(
         lambda x: 2.0 * np.sin(np.deg2rad(x)), gain=1.9, lag=1.2, rise=1.0, fall=1.2, delay=0.4, x0=0.0

@@ -1,15 +1,18 @@
 """Joints of a user's MJCF: values found from a bad start, written back, and refusals in a sentence."""
 
+import io
 import json
 import re
 import shlex
 import shutil
 import tomllib
+from contextlib import redirect_stdout
 from dataclasses import replace
 
 import mujoco
 import numpy as np
 import pytest
+from often import by_day
 from robots import CART, HIP, KNEE, PENDULUM, TRUTH, chirp, levels, record, write_table
 
 from twin.calibrate.problem import Simulations
@@ -39,10 +42,23 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def calibrated(folder):
-    rig = robot.read(folder / "robot.xml", (HIP, KNEE))
-    used, held = (logs.read(str(folder / name), rig, COLUMNS[1], COLUMNS[3]) for name in ("chirp.csv", "steps.csv"))
-    return calibration.calibrate(rig, [used], [held]), used
+def verb(folder, tmp_path_factory):
+    """`qpal calibrate` on both logs: where it ran, what it said, and the result that it had."""
+    place, results, own = tmp_path_factory.mktemp("verb"), [], calibration.calibrate
+    for name in ("robot.xml", "chirp.csv", "steps.csv"):
+        shutil.copy(folder / name, place / name)
+    command = ["calibrate", "chirp.csv", "--model", str(place / "robot.xml"), "--actuator", f"{HIP},{KNEE}", *COLUMNS]
+    with pytest.MonkeyPatch.context() as patch, redirect_stdout(io.StringIO()) as said:
+        patch.chdir(place)
+        patch.setattr(calibration, "calibrate", lambda *a, **k: results.append(own(*a, **k)) or results[-1])
+        assert main([*command, "--hold-out", "steps.csv", "--out", "out"]) == 0
+    return place, said.getvalue(), results[0]
+
+
+@pytest.fixture(scope="module")
+def calibrated(folder, verb):
+    used = logs.read(str(folder / "chirp.csv"), robot.read(folder / "robot.xml", (HIP, KNEE)), COLUMNS[1], COLUMNS[3])
+    return verb[2], used
 
 
 def test_hidden_values_are_found_from_none(calibrated):
@@ -57,7 +73,7 @@ def test_hidden_values_are_found_from_none(calibrated):
         assert run.rms("before") > 0.03
 
 
-@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("moves", by_day([False, True], True))
 def test_a_log_may_begin_with_a_step_or_in_motion(folder, moves):
     """Its first row is the 250th of a longer record: what was commanded before is not in it."""
     rng, t = np.random.default_rng(7), np.arange(1500) * TS
@@ -251,23 +267,18 @@ def test_a_search_that_is_stopped_says_so(folder):
     assert any("did not converge: limit of 0.01 s" in text for text in report.sentences(result))
 
 
-def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(folder, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    for name in ("robot.xml", "chirp.csv", "steps.csv"):
-        shutil.copy(folder / name, name)
-    command = ["calibrate", "chirp.csv", "--model", "robot.xml", "--actuator", f"{HIP},{KNEE}", *COLUMNS]
-    assert main([*command, "--hold-out", "steps.csv", "--out", "out"]) == 0
-    out = capsys.readouterr().out
+def test_the_verb_writes_a_robot_and_says_what_it_is_good_for(verb):
+    place, out, _ = verb
     number, sentence = out.splitlines()[:2]
     assert re.match(r"9\d\.\d\d % ● good: of steps.csv \(held out\) explained at ", number)
     assert sentence.startswith("9 of 9 values are determined; the error of the free run goes from")
-    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    summary = json.loads((place / "out" / "summary.json").read_text())
     assert summary["usable"]
     for file in ("out/robot-calibrated.xml", "out/changes.diff", "out/ranges.toml"):
         assert file in [path.replace("\\", "/") for path in summary["files"]]
     assert summary["next"] in out
     assert summary["next"].endswith("python -m mujoco.viewer --mjcf=out/robot-calibrated.xml")
-    mujoco.MjModel.from_xml_path("out/robot-calibrated.xml")
+    mujoco.MjModel.from_xml_path(str(place / "out" / "robot-calibrated.xml"))
 
 
 @pytest.mark.nightly

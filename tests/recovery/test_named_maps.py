@@ -5,7 +5,7 @@ Plants of the tests' own: a map, a filter of two poles, an offset of the output;
 
 import numpy as np
 import pytest
-from often import often
+from often import FULL, often
 from scipy.signal import lfilter
 
 import sysid
@@ -65,7 +65,7 @@ def names(result):
 def test_the_shape_of_the_plant_is_named_with_its_numbers(structure, shape):
     """On every record; corners of an input map, in its unit, have intervals that hold them."""
     z = []
-    for seed in often(6, 3):
+    for seed in often(6, 1):
         result = fit(structure, record(structure, MAPS[shape], seed))
         assert shape in names(result), (seed, names(result))
         if structure == "hammerstein" and shape in CORNERS:
@@ -77,7 +77,7 @@ def test_the_shape_of_the_plant_is_named_with_its_numbers(structure, shape):
 @pytest.mark.parametrize("structure", ["hammerstein", "wiener"])
 @pytest.mark.parametrize("other", OTHERS)
 def test_no_shape_is_named_where_there_is_none(structure, other):
-    for seed in often(4, 2):
+    for seed in often(4, 1):
         result = fit(structure, record(structure, OTHERS[other], seed))
         assert "PiecewiseLinear" in names(result), (seed, names(result))
 
@@ -106,10 +106,10 @@ def test_the_promise_is_the_change_of_bic(monkeypatch):
     monkeypatch.setattr(named_maps, "promise", lambda *a: promises.append(promise(*a)) or promises[-1])
     monkeypatch.setattr(named_maps, "_bic", lambda *a: bics.append(bic(*a)) or bics[-1])
     for structure in ("hammerstein", "wiener"):
-        for shape, curve in MAPS.items():
+        for shape in MAPS if FULL else ("DeadZone", "Polynomial"):
             promises.clear()
             bics.clear()
-            fit(structure, record(structure, curve, 11))
+            fit(structure, record(structure, MAPS[shape], 11))
             assert bics[1] - bics[0] == pytest.approx(min(promises), abs=5.0), (structure, shape)
             assert min(promises) < -10.0
 
@@ -219,7 +219,7 @@ def test_corners_that_the_record_does_not_show_are_not_invented():
 
 @pytest.mark.parametrize(("zero", "level"), [(10.0, 0.0), (1000.0, 1000.0), (-1e6, 3.0)])
 def test_signals_far_from_zero(zero, level):
-    for seed in range(4):
+    for seed in often(4, 2):
         rng = np.random.default_rng([seed, 73])
         u = rng.normal(size=500)
         y = lfilter(B, A, np.clip(u, -0.8, 1.0)) + level

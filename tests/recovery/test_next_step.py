@@ -127,7 +127,7 @@ def test_a_first_part_that_does_not_cover_the_range(seed, capsys):
     u = levels(1500, seed)
     u[:850] *= 0.15  # the first half sees the straight middle of a saturation, the second all of it
     y = scipy.signal.lfilter([0.0, 0.3], [1.0, -0.7], np.tanh(3.0 * u))
-    arguments = [written("log.csv", u, y, seed, 0.01), "--ts", "0.1", "--orders", "1,1,1", "--starts", "2"]
+    arguments = [written("log.csv", u, y, seed, 0.01), "--ts", "0.1", "--orders", "1,1,1", "--starts", "1"]
     poor = identified([*arguments, "--structure", "hammerstein_wiener"], capsys)
     assert poor["fit_percent"]["validation"] < 80.0
     assert 0.5 < float(option(poor, "--split")) < 1.0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from often import by_day
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
@@ -93,7 +94,7 @@ def test_the_gradient_of_the_restricted_likelihood_is_that_of_its_value():
         np.testing.assert_allclose(likelihood(r)[1], slope, rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.6, -0.6])
+@pytest.mark.parametrize("memory", by_day([0.0, 0.6, -0.6], 0.6))
 def test_the_level_of_noise_behind_a_fit_of_many_parameters(memory):
     """White noise of this variance would move a slow and a fast column as far as the noise's own matrix says.
 

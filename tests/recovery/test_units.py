@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from often import FULL
+from often import FULL, by_day, often
 
 import sysid
 from sysid.base.criteria import fit_percent
@@ -92,7 +92,11 @@ STRUCTURES = (
 )
 
 
-@pytest.mark.parametrize("name", STRUCTURES)
+# By day every kind of map somewhere; by night each before a filter and behind one.
+MIRRORED = (*LAWS, "before and behind", "fixed knots", "polynomial states")
+
+
+@pytest.mark.parametrize("name", by_day(STRUCTURES, *MIRRORED))
 def test_a_fit_of_the_mirror_image_of_a_record_is_the_mirror_image_of_the_fit(name):
     """Searches take the same steps to the bit. A map that is turned round rounds the other way when it is run.
 
@@ -304,7 +308,7 @@ def test_smoothing_puts_no_fit_above_its_linear_start(monkeypatch):
         return eased
 
     monkeypatch.setattr("sysid.estimation.fit.ease_curvature", seen)
-    for seed in range(20):
+    for seed in often(20, 8):
         rng = np.random.default_rng([seed, 9])
         u, y = rng.normal(size=100), np.zeros(100)
         for t in range(1, 100):
