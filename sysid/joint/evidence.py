@@ -28,6 +28,7 @@ CROSSINGS = 6  # of the backlash, both ways together
 _BREAKAWAY_PRECISION = 0.125  # of the friction at rest: a wider standard uncertainty does not determine a break-away
 _BACKLASH_PRECISION = 0.15  # of the backlash: a wider standard uncertainty of the fit does not determine it
 _SIDE = 0.4  # of the backlash from its middle: the link lies against this side
+_AT_TURN = 2.0  # backlashes from where the drive turned, of which it crosses one: beyond, its weight moved the link
 _TIME_PRECISION = 0.5  # of lag and delay together: a wider standard deviation of one does not tell it from the other
 _LARGEST_CORRELATION = -0.9  # a correlation of lag and delay below it leaves only their sum
 PULSES = "qpal design --for breakaway FILE"
@@ -69,8 +70,8 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
 
     end_low, end_high: see `sysid.joint.stops.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
     from rest that a slowly rising voltage brackets (see `sysid.joint.breakaway`), and a standard uncertainty of 12 %
-    of the friction at most. backlash: at least `CROSSINGS` of the model's link from side to side, and a standard
-    uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than
+    of the friction at most. backlash: at least `CROSSINGS` of the model's link from side to side where the drive turns
+    between the ends, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than
     it, or if their correlation in the information matrix, their uncertainty or a limit says so. `spread` spares its
     computation.
     """
@@ -158,7 +159,12 @@ def _play_width(chain: Chain, theta: np.ndarray) -> float:
 
 
 def _link_crossings(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int, int] | None:
-    """How often the model's link crosses its backlash upward and downward; None without a backlash."""
+    """How often the model's link crosses its backlash upward and downward right where the drive turns between the ends;
+    None without a backlash.
+
+    Elsewhere a backlash is not alone: what the model lacks of load, friction and linkage differs between two passes of
+    one place, an end has some give and a switch before it, and any of these looks like the link on its other side.
+    """
     play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
     if play is None:
         return None
@@ -166,9 +172,17 @@ def _link_crossings(chain: Chain, theta: np.ndarray, data: IOData) -> tuple[int,
     for row, record in _experiment_runs(chain, theta, data):
         x = chain.through(row, record.u[:, 0], 0, k)
         share = (play.output(chain.part(row, play), x) - x) / max(width, 1e-300)
-        sides = np.sign(share[np.abs(share) > _SIDE])
-        counts[0] += int(np.sum(np.diff(sides) > 0))
-        counts[1] += int(np.sum(np.diff(sides) < 0))
+        against = np.flatnonzero(np.abs(share) > _SIDE)
+        crossed = np.flatnonzero(np.diff(np.sign(share[against])))
+        first, reach = 0, END_REACH * float(np.ptp(x))
+        for last, arrival in zip(against[crossed], against[crossed + 1], strict=True):
+            way = float(np.sign(share[last]))  # of a drive that leaves the side on which the link lay
+            place = way * x
+            turn = float(place[first:arrival].min())
+            at_turn = turn < place[arrival] and place[arrival - 1] - turn <= _AT_TURN * width
+            at_end = min(abs(way * turn - end) for end in ends_of(chain, theta)) <= reach
+            counts[int(way > 0.0)] += bool(at_turn and not at_end)
+            first = int(last)
     return counts[0], counts[1]
 
 
@@ -206,8 +220,9 @@ def spread_in_words(share: float) -> str:
 def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidence:
     counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
-        reason = f"crossings by the link: {up + down}, but {CROSSINGS} are needed: reverse slowly where its weight"
-        return ValueEvidence(False, f"{reason} changes sides (qpal design --for backlash FILE)", counts)
+        reason = f"crossings by the link where the drive turns between the ends: {up + down}, but {CROSSINGS} are needed"
+        advice = "reverse slowly where its weight changes sides (qpal design --for backlash FILE)"
+        return ValueEvidence(False, f"{reason}: {advice}", counts)
     if not std <= _BACKLASH_PRECISION:
         reason = (
             f"uncertain by {spread_in_words(std)}, as what the link does on its way across looks like lag and friction"
@@ -215,7 +230,7 @@ def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidenc
         return ValueEvidence(
             False, f"{reason}; {_record_advice(fit, 'and reverse slowly')} (qpal design --for backlash FILE)", counts
         )
-    return ValueEvidence(True, f"the link crosses it {up + down} times", counts)
+    return ValueEvidence(True, f"the link crosses it {up + down} times where the drive turns", counts)
 
 
 def _play_uncertainty(fit: Fit, spread: Spread) -> float:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sysid.blocks import Motor, ServoMotor
+from sysid.blocks import CoastingPlay, Motor, ServoMotor
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.breakaway import starts_from_rest
@@ -206,7 +206,8 @@ def driven(chain, u, seed=0) -> IOData:
 
 
 @pytest.mark.parametrize(
-    ("sizes", "determined"), [((6.0, 3.0, 8.0), False), ((6.0,) * 10, False), ((6.0, 3.0, 8.0, 3.5, 5.0) * 2, True)]
+    ("sizes", "determined"),
+    [((6.0, 3.0, 8.0), False), ((6.0,) * 10, False), ((4.5, 3.0, 4.0, 3.5, 4.0) * 2, True)],
 )
 def test_the_backlash_is_crossed_at_every_reversal(sizes, determined):
     """Reversals at one speed show a time, which may be a delay as well; at several speeds they show an angle."""
@@ -217,6 +218,18 @@ def test_the_backlash_is_crossed_at_every_reversal(sizes, determined):
     assert found.determined == determined
     if len(sizes) > CROSSINGS:
         assert (found.counts["uncertainty"] < 0.15) == determined
+
+
+@pytest.mark.parametrize("pull", [0.0, -0.02])
+def test_a_crossing_at_an_end_or_by_the_weight_alone_shows_no_backlash(pull):
+    """An end has some give, and between two passes of one place load and friction differ: both look like a backlash."""
+    chain = actuated_joint(knots=2, play=CoastingPlay(role="play"))
+    joint = as_fit(chain, JOINT | {"play.pull1": pull, "play.drag": 0.001})
+    y, x = chain.simulate(joint.theta, SWEEP), chain.through(joint.theta, SWEEP, 0, 2)
+    assert np.sum(np.diff(np.sign(y - x)) != 0) > CROSSINGS
+    found = evidence(joint, IOData(SWEEP, y, TS)).values["backlash"]
+    assert found.counts["crossings_up"] + found.counts["crossings_down"] == 0
+    assert "where the drive turns between the ends: 0, but" in found.why
 
 
 def test_lag_and_delay_are_one_value_where_a_sample_is_longer_than_both():
