@@ -5,7 +5,8 @@
 
 Each seed is another leg with another wiring. The rig is wired, zeroed and goes round as the verb does; beside it
 stands the same rig with plain sweeps in place of designed experiments. Told are the rig time, the experiments, how many
-of the asked values are determined, and of these how many intervals hold the truth.
+of the asked values that are identifiable are determined, and of all that are determined how many intervals hold the
+truth. A backlash is identifiable if some input brings the twin's link from one side of it to the other.
 """
 
 import argparse
@@ -15,12 +16,14 @@ import numpy as np
 from scipy.stats import binom
 from study import Row, Study, markdown, words
 
+from twin.bench.standin import draw_parameters
 from twin.parameters import JOINTS
 from twin.rig.auto import ASKED, BUDGET, MOST, TS, Campaign, campaign
 from twin.rig.calibration import of_joint
 from twin.rig.emulator import Emulator
 from twin.rig.link import Link
 from twin.rig.wiring import find_ends, find_wiring, zero
+from twin.studies.beyond import link_crosses
 
 WAYS = ("designed", "sweeps")
 
@@ -46,6 +49,9 @@ def score(case: tuple[str, int, str], options: argparse.Namespace) -> Row:
     return {
         "rig_seconds": result.rig_seconds,
         "experiments": len(result.rounds),
+        "identifiable": [
+            name for name in ASKED if name != "backlash" or link_crosses(joint, draw_parameters(joint, seed))
+        ],
         "determined": determined,
         "holds": [name for name in determined if values[name].holds(true[name])],
         "widths": {name: (values[name].high - values[name].low) / abs(true[name]) for name in determined},
@@ -59,7 +65,7 @@ def score(case: tuple[str, int, str], options: argparse.Namespace) -> Row:
 
 def line(row: Row) -> str:
     """How the loop went on one leg."""
-    missing = [name for name in ASKED if name not in row["determined"]]
+    missing = [name for name in row["identifiable"] if name not in row["determined"]]
     wrong = [name for name in row["determined"] if name not in row["holds"]]
     return (
         f"{' '.join(map(str, row['case']))}: {row['rig_seconds']:.0f} s, {row['experiments']} experiments, open "
@@ -75,7 +81,8 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
             group = [row for row in rows if row["case"][2] == way and joint in ("all", row["case"][0])]
             if not group:
                 continue
-            n_values, n_told = len(group) * len(ASKED), sum(len(row["determined"]) for row in group)
+            missing = [set(row["identifiable"]) - set(row["determined"]) for row in group]
+            n_values, n_told = (sum(len(row[key]) for row in group) for key in ("identifiable", "determined"))
             n_held = sum(len(row["holds"]) for row in group)
             low, high = binom.interval(0.95, max(n_told, 1), 0.95)
             table.append(
@@ -86,14 +93,14 @@ def summary(rows: list[Row], options: argparse.Namespace) -> str:
                     f"{np.median([row['rig_seconds'] for row in group]):.0f}",
                     f"{max(row['rig_seconds'] for row in group):.0f}",
                     f"{np.mean([row['experiments'] for row in group]):.1f}",
-                    f"{n_told} of {n_values}",
-                    sum(len(row["determined"]) == len(ASKED) for row in group),
+                    f"{n_values - sum(map(len, missing))} of {n_values}",
+                    sum(not names for names in missing),
                     f"{n_held} of {n_told}",
                     f"{low:.0f} to {high:.0f}",
                 )
             )
     headings = ("experiments", "joint", "legs", "rig time, median [s]", "largest [s]", "experiments, mean")
-    headings += ("values determined", "legs with all", "intervals that hold", "expected of 95 %")
+    headings += ("identifiable values determined", "legs with all", "intervals that hold", "expected of 95 %")
     text = markdown(headings, table, texts=2)
     noise = f"{options.garbled:.1%} of lines garbled, {options.lost:.1%} lost"
     return f"At most {MOST} experiments and {BUDGET:g} s; {noise}.\n{text}"

@@ -71,8 +71,9 @@ def evidence(fit: Fit, data: IOData, spread: Spread | None = None) -> Evidence:
     end_low, end_high: see `sysid.joint.stops.stop_test`. breakaway_up, breakaway_down: at least `STARTS` starts
     from rest that a slowly rising voltage brackets (see `sysid.joint.breakaway`), and a standard uncertainty of 12 %
     of the friction at most. backlash: at least `CROSSINGS` of the model's link from side to side where the drive turns
-    between the ends, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told from their sum if Ts is longer than
-    it, or if their correlation in the information matrix, their uncertainty or a limit says so. `spread` spares its
+    between the ends, and a standard uncertainty of 15 % at most in the fit. time_constant and delay: neither is told
+    from their sum if Ts is longer than it, or if their correlation in the information matrix, their uncertainty or a
+    limit says so. `spread` spares its
     computation.
     """
     chain, theta = fit.model, fit.theta
@@ -220,7 +221,9 @@ def spread_in_words(share: float) -> str:
 def _crossing_evidence(fit: Fit, up: int, down: int, std: float) -> ValueEvidence:
     counts = {"crossings_up": up, "crossings_down": down, "uncertainty": std}
     if up + down < CROSSINGS:
-        reason = f"crossings by the link where the drive turns between the ends: {up + down}, but {CROSSINGS} are needed"
+        reason = (
+            f"crossings by the link where the drive turns between the ends: {up + down}, but {CROSSINGS} are needed"
+        )
         advice = "reverse slowly where its weight changes sides (qpal design --for backlash FILE)"
         return ValueEvidence(False, f"{reason}: {advice}", counts)
     if not std <= _BACKLASH_PRECISION:

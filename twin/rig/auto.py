@@ -12,8 +12,9 @@ from sysid.base.files import versions
 from sysid.base.quantities import display_quantity
 from sysid.excitations import excitation
 from sysid.joint.design import TARGETS, Design, design
+from sysid.joint.outlook import missing_reason
 from sysid.joint.posterior import fit_joint
-from sysid.joint.values import JointValue, displayed_value, joint_values
+from sysid.joint.values import WORDS, JointValue, displayed_value, joint_values
 from sysid.structures import actuated_joint
 from twin.log import Log
 from twin.rig import wire
@@ -146,7 +147,8 @@ def campaign(
     `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there;
     `around` (number, input, levels) gives the context in which both happen.
     With `plain_sweeps` every experiment is another sweep, to compare with. A fault that leaves less than `LEAST` s, a
-    lost port, Ctrl-C and a design that is refused end it with what is known until then.
+    lost port, Ctrl-C, and a design that is refused or of which no more is expected (`in_vain`) end it with what is
+    known until then.
     """
     done = Campaign(calibration.joint, (), link.rig_seconds)
     given = first_input(calibration, seed)
@@ -180,16 +182,34 @@ def campaign(
         if plain_sweeps:
             given = replace(first_input(calibration, seed + 1000 * number), source=f"sweep {number + 1}")
             continue
+        options: dict[str, Any] = {"volts": calibration.largest, "seed": seed + number, "Ts": TS, "to_stops": True}
         targets = [name for name, values_of in TARGETS.items() if set(values_of) & set(done.open)]
         try:
-            plan = design(found.fit, data, targets, calibration.largest, seed=seed + number, Ts=TS, to_stops=True)
+            plan = design(found.fit, data, targets, **options)
+            vain = in_vain(plan, given)
+            if vain and len(vain) < len(targets):
+                plan = design(found.fit, data, [name for name in targets if name not in vain], **options)
         except InputError as error:
             return replace(done, stopped=f"no next experiment can be designed: {error}")
+        if len(vain) == len(targets):
+            return replace(done, stopped=f"a next experiment is not expected to show more: {'; '.join(vain.values())}")
         left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
         given = shortened(plan, left, calibration.largest)
         if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
+
+
+def in_vain(plan: Design, before: Input) -> dict[str, str]:
+    """The purposes of a design that the input before it had and that are not expected to determine anything now, and
+    what they lack. That record has shown how the joint answers to them: its weight, for example, may hold the link on
+    one side of the backlash, wherever the drive reverses."""
+    played, expected = before.source.removeprefix("for ").split(", "), {value.name: value for value in plan.then}
+    return {
+        name: "; ".join(f"{WORDS[value]}{missing_reason(value, expected)}" for value in TARGETS[name])
+        for name in plan.targets
+        if name in played and not any(_determines(expected.get(value)) for value in TARGETS[name])
+    }
 
 
 def shortened(plan: Design, seconds: float, largest: float) -> Input:

@@ -17,9 +17,9 @@ from sysid.structures import ActuatedJoint
 from sysid.workflow.evaluation import evaluate
 from sysid.workflow.results import Evaluation
 from sysid.workflow.setting import Setting
-from twin.experiment import Experiment
+from twin.experiment import Experiment, run_all
 from twin.hardware.actuator import drive
-from twin.hardware.potentiometer import potentiometer
+from twin.hardware.potentiometer import SIDES, potentiometer
 from twin.log import Log
 from twin.parameters import Parameters
 from twin.truth import truth
@@ -27,6 +27,7 @@ from twin.truth import truth
 NEAR = 0.5  # points of fit below the ceiling that still count as all but noise explained
 STEPS = 4  # what `run` announces
 RECORDS = ("sweep", "drawn sweep")
+OTHER_SIDE = 0.25  # of a backlash from its middle: a link that came from one side is nearer to the other
 LONGER = 1.25  # mean half period of the drawn sweep, relative to the paper's sweep
 
 
@@ -172,6 +173,26 @@ def twin_truth(joint: str, Ts: float, parameters: Parameters | None = None) -> d
         "moving_friction_up": t.moving_voltage[1],
         "moving_friction_down": t.moving_voltage[0],
     }
+
+
+def link_crosses(joint: str, parameters: Parameters | None = None) -> bool:
+    """Whether inputs of full voltage bring the link of a joint from one side of its backlash to the other.
+
+    Where its weight holds the link on one side under every input, a record is that of a joint without backlash whose
+    ends lie half of it elsewhere: it has no information on the backlash. The sweeps here go over the whole way, strike
+    both ends and turn as hard as the supply can; quick turns throw the link farthest, slow ones are at every place.
+    """
+    p = parameters or Parameters()
+    without = ("noise", "adc", "jitter", "dropouts", "nonlinearity")
+    for half in (0.2, 1.0, 8.0):  # [s]
+        options = {"half_period": half, "jitter": 0.5, "shrink": 0.25}
+        settings = ("sweep", 60.0, 0.01, 0, without, p, options)
+        logs = run_all([Experiment(joint, *settings, pot_side=side) for side in SIDES])
+        link, drive_side = (np.asarray(log.y_true) for log in logs)
+        place = (link - drive_side) / p[f"{joint}.backlash"]
+        if min(-place.min(), place.max()) > OTHER_SIDE:
+            return True
+    return False
 
 
 def aim(name: str, true: float, Ts: float) -> float:
