@@ -112,7 +112,8 @@ def _rest_start(
     quarter = max(half // 2, 1)
     rest = float(np.mean(y[first : first + half]))
     drift = abs(float(np.mean(y[first : first + quarter]) - np.mean(y[first + half - quarter : first + half])))
-    if drift > SURE_DEVIATIONS * noise * np.sqrt(2.0 / quarter):
+    # A quarter of the rest that drifts by less is not seen to have moved after all four.
+    if drift > SURE_DEVIATIONS * noise * max(np.sqrt(2.0 / quarter), 0.25):
         return None
     distance = way * (np.convolve(y, np.ones(3) / 3, "same") - rest)[first : min(following + 1, len(y) - 1)]
     gone_far = np.flatnonzero(distance > SURE_DEVIATIONS * noise)

@@ -121,6 +121,12 @@ def test_a_fifth_of_the_time_for_break_away_still_starts_the_joint_both_ways() -
     assert {way for way, *_ in starts(TRUE, played)} == {-1, 1}
 
 
+def test_the_last_experiment_repeats_its_parts_in_the_time_that_is_left() -> None:
+    d = proposed("backlash")
+    once, filled = (shortened(d, 3.4 * d.duration, 12.0, fills) for fills in (False, True))
+    np.testing.assert_array_equal(filled.u, np.tile(once.u, 3))
+
+
 @pytest.mark.parametrize(
     ("factors", "least"), [({}, 4), ({"gain": 0.85}, 2), ({"gain": 1.15, "rise": 1.2, "fall": 1.2}, 4)]
 )

@@ -145,6 +145,16 @@ def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
     assert not any(start.slow for start in found)
 
 
+@pytest.mark.parametrize(("settles", "found"), [(1.5, 1), (6.0, 0)])
+def test_a_joint_that_settles_rests_and_one_that_drifts_does_not(settles, found):
+    """A link that settles by less than a reading tells is no motion that goes on until it is taken for a start."""
+    u = levels(0.2 * np.arange(16), 3.0)
+    y = moved(u) + settles * NOISE * np.minimum(np.arange(len(u)) / 330.0, 1.0)
+    starts = [start for start in starts_from_rest(IOData(u, y, TS), NOISE) if start.slow]
+    assert len(starts) == found
+    assert all(start.held < DRY < start.moved for start in starts)
+
+
 def test_a_slow_motion_that_turns_is_no_rest_at_an_end():
     # At 2.6 V it moves by two standard deviations a sample: the last five samples before it turns look like a rest.
     u = np.concatenate([levels([-9], 1.3), levels([9], 1.2), levels([2.6], 2.0), levels([-9, 9, -9], 0.5)])

@@ -193,8 +193,9 @@ def campaign(
             return replace(done, stopped=f"no next experiment can be designed: {error}")
         if len(vain) == len(targets):
             return replace(done, stopped=f"a next experiment is not expected to show more: {'; '.join(vain.values())}")
-        left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
-        given = shortened(plan, left, calibration.largest)
+        last = number + 1 == most
+        left = (budget - link.rig_seconds - 2.0 * calibration.crossing) * (1.0 if last else PART)
+        given = shortened(plan, left, calibration.largest, last)
         if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
@@ -212,10 +213,11 @@ def in_vain(plan: Design, before: Input) -> dict[str, str]:
     }
 
 
-def shortened(plan: Design, seconds: float, largest: float) -> Input:
-    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones.
+def shortened(plan: Design, seconds: float, largest: float, fills: bool = False) -> Input:
+    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones; where it
+    `fills` them, as often as they fit.
 
-    Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out.
+    Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out and repeated.
     """
     names = [phase.name for phase in plan.phases]
     places = [names[:k].count(name) for k, name in enumerate(names)]
@@ -224,9 +226,10 @@ def shortened(plan: Design, seconds: float, largest: float) -> Input:
     for k in sorted(range(len(names)), key=lambda k: (places[k], lengths[k])):
         if not chosen or plan.Ts * (lengths[k] + sum(lengths[i] for i in chosen)) <= seconds:
             chosen.append(k)
-    parts = [plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)]
+    u = np.concatenate([plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)])
+    u = np.tile(u, max(int(seconds / (plan.Ts * len(u))), 1) if fills else 1)
     what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
-    return Input(np.clip(np.concatenate(parts), -largest, largest), plan.Ts, f"for {what}")
+    return Input(np.clip(u, -largest, largest), plan.Ts, f"for {what}")
 
 
 def _determines(value: JointValue | None) -> bool:
