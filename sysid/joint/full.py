@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.base.parallel import one_blas_thread
 from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor, TravelMap
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
@@ -27,6 +28,7 @@ from sysid.solver.iterate import Options
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
+_CLEAR = np.log(20.0)  # of a likelihood over another: strong odds (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995)
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -168,3 +170,19 @@ def linearised(fit: Fit, data: IOData) -> tuple[np.ndarray, np.ndarray]:
     others = (estimate_initial(fit.model, fit.theta, part) for part in data.experiments[1:])
     problem = ChainProblem(fit.model, np.array([fit.theta, *others]), data.experiments, fit.model.free)
     return problem.linearise(problem.start)
+
+
+def searched_from(fit: Fit, others: Iterable[Fit], data: IOData) -> Fit:
+    """The joint `fit` to `data`, or a clearly likelier one to which `others`, of other records of this joint, lead.
+
+    Pulses near break-away start the joint or do not, so the likelihood of their record has many tops, and a search may
+    end on one far from where another record has led.
+    """
+    starts = [estimate_initial(fit.model, lift_theta(o.model, o.theta, fit.model, {}), data) for o in others]
+    if not starts:
+        return fit
+    with one_blas_thread(), np.errstate(all="ignore"):  # another record's joint may run away on this one
+        objective = Objective(curvature_weight=0.0, prior=fit.prior)
+        found = fit_chain(fit.model, data, start=np.array([fit.theta, *starts]), objective=objective, search="lm")
+    gain = 0.5 * data.N * np.log(fit.criteria.mse / found.criteria.mse)
+    return found if gain > _CLEAR else fit

@@ -51,7 +51,7 @@ def shortfalls(names: Iterable[str], now: Sequence[JointValue], then: Sequence[J
         if name.startswith("end_") and not (old and old.determined):
             continue  # see `unmet`
         if new is None or not new.determined:
-            missing.append(_WORDS[name] + missing_reason(name, values_then))
+            missing.append(_WORDS[name] + _missing_reason(name, values_then))
         elif _width(new) > _WIDER * (_width(old) if old else np.inf):
             wider.append(_WORDS[name])
     sentences = []
@@ -91,7 +91,7 @@ def distant_prediction(course: Course, y: np.ndarray, data: IOData) -> list[str]
     ]
 
 
-def missing_reason(name: str, values: Mapping[str, JointValue]) -> str:
+def _missing_reason(name: str, values: Mapping[str, JointValue]) -> str:
     """Why a value is not determined, in brackets, without what to record next; '' if nothing is told."""
     value = values.get(name) or values.get(name.replace("breakaway", "moving_friction"))
     reason = value.why.removeprefix("break-away is not determined: ") if value else ""

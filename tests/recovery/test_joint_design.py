@@ -121,10 +121,12 @@ def test_a_fifth_of_the_time_for_break_away_still_starts_the_joint_both_ways() -
     assert {way for way, *_ in starts(TRUE, played)} == {-1, 1}
 
 
-def test_the_last_experiment_repeats_its_parts_in_the_time_that_is_left() -> None:
+def test_parts_that_take_a_few_seconds_are_repeated_in_the_time_that_is_left() -> None:
     d = proposed("backlash")
-    once, filled = (shortened(d, 3.4 * d.duration, 12.0, fills) for fills in (False, True))
-    np.testing.assert_array_equal(filled.u, np.tile(once.u, 3))
+    n = round(10.0 / d.Ts)
+    short = replace(d, u=d.u[:n], phases=(replace(d.phases[0], start=0, stop=n),))
+    for seconds, times in ((15.0, 1), (35.0, 3), (600.0, 4)):
+        np.testing.assert_array_equal(shortened(short, seconds, 12.0).u, np.tile(short.u, times))
 
 
 @pytest.mark.parametrize(

@@ -81,42 +81,6 @@ def test_an_experiment_that_is_stopped_ends_the_campaign_and_its_journal_stays_u
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(
-    ("open_values", "targets"),
-    [
-        (("backlash",), [["backlash"], ["backlash"]]),
-        (("breakaway_up", "backlash"), [["breakaway", "backlash"], ["breakaway", "backlash"], ["breakaway"]]),
-    ],
-)
-def test_a_part_that_showed_nothing_is_not_played_again(rig, monkeypatch, open_values, targets):
-    """A link that its weight holds on one side of its backlash: reversals are tried, and their time then goes to the
-    other values; where there are none, the rig is done."""
-    held = JointValue("backlash", 0.01, None, None, "rad", False, "crossings by the link: 0, but 6 are needed: reverse slowly")
-    found = (held, *(value(name, *(None, None) if name in open_values else (1.0, 2.0)) for name in ASKED[:-1]))
-    then = (held, *(value(name, 1.0, 2.0) for name in ASKED[:-1]))
-    asked = []
-
-    def design(fit, data, names, *_, **__):
-        asked.append(names)
-        phases = [SimpleNamespace(name=name, start=100 * k, stop=100 * k + 100) for k, name in enumerate(names)]
-        return SimpleNamespace(targets=names, phases=phases, then=then, u=np.zeros(100 * len(names)), Ts=0.02)
-
-    fit = SimpleNamespace(fit_percent=lambda data: 99.0)
-    monkeypatch.setattr("twin.rig.auto.fit_joint", lambda *_, **__: SimpleNamespace(fit=fit))
-    monkeypatch.setattr("twin.rig.auto.joint_values", lambda *_, **__: found)
-    monkeypatch.setattr("twin.rig.auto.design", design)
-    with rig() as (_, link, calibration):
-        result = campaign(link, calibration)
-    assert asked == targets
-    if len(open_values) == 1:
-        assert len(result.rounds) == 2
-        assert result.stopped == (
-            "a next experiment is not expected to show more: backlash (crossings by the link: 0, but 6 are needed)"
-        )
-    else:
-        assert [done.what for done in result.rounds] == ["first sweep", "for breakaway, backlash", "for breakaway"]
-
-
 def test_the_weight_of_the_thigh_alone_keeps_its_link_on_one_side_of_the_backlash():
     assert not link_crosses("thigh")
     assert link_crosses("shank")

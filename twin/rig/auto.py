@@ -10,11 +10,12 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.files import versions
 from sysid.base.quantities import display_quantity
+from sysid.estimation.result import Fit
 from sysid.excitations import excitation
 from sysid.joint.design import TARGETS, Design, design
-from sysid.joint.outlook import missing_reason
+from sysid.joint.full import searched_from
 from sysid.joint.posterior import fit_joint
-from sysid.joint.values import WORDS, JointValue, displayed_value, joint_values
+from sysid.joint.values import JointValue, displayed_value, joint_values
 from sysid.structures import actuated_joint
 from twin.log import Log
 from twin.rig import wire
@@ -29,7 +30,7 @@ TS = 0.02  # [s]: a lag and a delay of 70 ms are told apart at this, not at 100 
 # A half period of the first sweep, in crossings at full voltage, and how many: about 22 % of it is rest at an end.
 HALF, HALVES = 1.6, 10
 SHRINK = 0.25  # of the largest input: a joint with much friction crosses at the lower levels too
-SHORTEST, LONGEST = 40.0, 125.0  # [s] of the first sweep
+SHORTEST, LONGEST = 40.0, 125.0  # [s] of the first sweep; of a designed experiment the shortest, too
 BUDGET = 600.0  # [s] of rig time, with the wiring and the zero
 PART = 0.8  # of the time that is left, for a designed experiment that is not the last
 LEAST = 20.0  # [s] of a record that ended early and is still identified
@@ -37,12 +38,19 @@ LEAST = 20.0  # [s] of a record that ended early and is still identified
 
 @dataclass(frozen=True)
 class Round:
-    """One experiment: what was played, its log, and the joint's values from this record."""
+    """One experiment: what was played, its log, and the joint's values from this record, of its `fit`."""
 
     what: str
     log: Log
     values: tuple[JointValue, ...]
     fit_percent: float
+    fit: Fit | None = None
+
+    @classmethod
+    def of(cls, what: str, log: Log, fit: Fit, linearity: float) -> "Round":
+        """The round of a fit to its log."""
+        data = log.io()
+        return cls(what, log, joint_values(fit, data=data, linearity=linearity), fit.fit_percent(data), fit)
 
 
 @dataclass(frozen=True)
@@ -147,8 +155,7 @@ def campaign(
     `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there;
     `around` (number, input, levels) gives the context in which both happen.
     With `plain_sweeps` every experiment is another sweep, to compare with. A fault that leaves less than `LEAST` s, a
-    lost port, Ctrl-C, and a design that is refused or of which no more is expected (`in_vain`) end it with what is
-    known until then.
+    lost port, Ctrl-C and a design that is refused end it with what is known until then.
     """
     done = Campaign(calibration.joint, (), link.rig_seconds)
     given = first_input(calibration, seed)
@@ -171,9 +178,8 @@ def campaign(
         step(f"experiment {number}: identifying")
         data = log.io()
         found = fit_joint(data, actuated_joint(play=False, driver_step=calibration.supply / wire.FULL), seed=seed)
-        values = joint_values(found.fit, data=data, linearity=calibration.linearity)
-        this = Round(given.source, log, values, found.fit.fit_percent(data))
-        done = replace(done, rounds=(*done.rounds, this))
+        this = Round.of(given.source, log, found.fit, calibration.linearity)
+        done = replace(done, rounds=led_by_each_other((*done.rounds, this), calibration.linearity))
         if not done.open:
             return done
         if number == most:
@@ -182,40 +188,33 @@ def campaign(
         if plain_sweeps:
             given = replace(first_input(calibration, seed + 1000 * number), source=f"sweep {number + 1}")
             continue
-        options: dict[str, Any] = {"volts": calibration.largest, "seed": seed + number, "Ts": TS, "to_stops": True}
-        targets = [name for name, values_of in TARGETS.items() if set(values_of) & set(done.open)]
+        targets, fit = [name for name, values in TARGETS.items() if set(values) & set(done.open)], done.rounds[-1].fit
+        assert fit is not None
         try:
-            plan = design(found.fit, data, targets, **options)
-            vain = in_vain(plan, given)
-            if vain and len(vain) < len(targets):
-                plan = design(found.fit, data, [name for name in targets if name not in vain], **options)
+            plan = design(fit, data, targets, calibration.largest, seed=seed + number, Ts=TS, to_stops=True)
         except InputError as error:
             return replace(done, stopped=f"no next experiment can be designed: {error}")
-        if len(vain) == len(targets):
-            return replace(done, stopped=f"a next experiment is not expected to show more: {'; '.join(vain.values())}")
-        last = number + 1 == most
-        left = (budget - link.rig_seconds - 2.0 * calibration.crossing) * (1.0 if last else PART)
-        given = shortened(plan, left, calibration.largest, last)
+        left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
+        given = shortened(plan, left, calibration.largest)
         if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
 
 
-def in_vain(plan: Design, before: Input) -> dict[str, str]:
-    """The purposes of a design that the input before it had and that are not expected to determine anything now, and
-    what they lack. That record has shown how the joint answers to them: its weight, for example, may hold the link on
-    one side of the backlash, wherever the drive reverses."""
-    played, expected = before.source.removeprefix("for ").split(", "), {value.name: value for value in plan.then}
-    return {
-        name: "; ".join(f"{WORDS[value]}{missing_reason(value, expected)}" for value in TARGETS[name])
-        for name in plan.targets
-        if name in played and not any(_determines(expected.get(value)) for value in TARGETS[name])
-    }
+def led_by_each_other(rounds: tuple[Round, ...], linearity: float) -> tuple[Round, ...]:
+    """The rounds, each of the likeliest joint to which its own search or the joint of another record leads; the last
+    round first."""
+    new = list(rounds)
+    for k in reversed(range(len(new))):
+        own, *others = (each.fit for each in (new[k], *new[:k], *new[k + 1 :]) if each.fit is not None)
+        fit = searched_from(own, others, new[k].log.io())
+        new[k] = new[k] if fit is own else Round.of(new[k].what, new[k].log, fit, linearity)
+    return tuple(new)
 
 
-def shortened(plan: Design, seconds: float, largest: float, fills: bool = False) -> Input:
-    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones; where it
-    `fills` them, as often as they fit.
+def shortened(plan: Design, seconds: float, largest: float) -> Input:
+    """The parts of a design that fit into `seconds`: one of each purpose, short ones first, then further ones; all of
+    them again where that takes less than `SHORTEST`, since a few seconds tell no joint.
 
     Each part brings the joint to where it begins, and ends in a rest, so that parts can be left out and repeated.
     """
@@ -227,7 +226,7 @@ def shortened(plan: Design, seconds: float, largest: float, fills: bool = False)
         if not chosen or plan.Ts * (lengths[k] + sum(lengths[i] for i in chosen)) <= seconds:
             chosen.append(k)
     u = np.concatenate([plan.u[plan.phases[k].start : plan.phases[k].stop] for k in sorted(chosen)])
-    u = np.tile(u, max(int(seconds / (plan.Ts * len(u))), 1) if fills else 1)
+    u = np.tile(u, max(int(min(np.ceil(SHORTEST / (plan.Ts * len(u))), seconds / (plan.Ts * len(u)))), 1))
     what = ", ".join(dict.fromkeys(names[k] for k in sorted(chosen)))
     return Input(np.clip(u, -largest, largest), plan.Ts, f"for {what}")
 
