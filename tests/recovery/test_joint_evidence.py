@@ -1,5 +1,7 @@
 """What a record bears out: stops that were met, starts from rest, crossings of the backlash, on joints made by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.breakaway import starts_from_rest
 from sysid.joint.evidence import CROSSINGS, evidence, stop_tests
+from sysid.joint.full import searched_from
 from sysid.joint.stops import noise_level, stop_test
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
@@ -335,3 +338,17 @@ def test_records_in_which_no_rest_can_be_seen_have_no_starts():
     assert starts_from_rest(IOData(np.ones(200), np.arange(200.0), Ts=TS), NOISE) == []
     for N in range(1, 12):
         assert not stop_test(SWEEP[:N], data.y[:N, 0], TS, 1.0, NOISE).met
+
+
+def test_a_search_that_got_stuck_goes_on_from_where_another_record_of_the_joint_has_led():
+    """With too much friction the model never moves, and no small change of it does."""
+    chain = actuated_joint(knots=2)
+    data = driven(chain, levels([4.5, -3.0, 4.0, -3.5, 4.0, -4.5], 1.0))
+    there = as_fit(chain, JOINT)
+    stuck = as_fit(chain, JOINT | {"motor.rise": 9.0, "motor.fall": 9.0})
+    stuck = replace(stuck, criteria=replace(stuck.criteria, mse=float(np.var(data.y))))
+    found = searched_from(stuck, [there], data)
+    assert found.criteria.mse < 1.2 * NOISE**2
+    assert found.theta[chain.names.index("play.width")] == pytest.approx(JOINT["play.width"], rel=0.1)
+    for others in ([], [stuck]):
+        assert searched_from(found, others, data) is found

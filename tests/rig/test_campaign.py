@@ -12,7 +12,7 @@ import twin
 from sysid.joint.values import JointValue
 from twin.cli import main
 from twin.report import rig as report
-from twin.rig.auto import ASKED, Campaign, Round, campaign
+from twin.rig.auto import ASKED, Campaign, Round, campaign, led_by_each_other
 from twin.rig.journal import journal
 from twin.studies.beyond import link_crosses
 
@@ -79,6 +79,23 @@ def test_an_experiment_that_is_stopped_ends_the_campaign_and_its_journal_stays_u
     assert seen == [True]
     assert 300 < kept[0].N < 500
     assert list(tmp_path.iterdir()) == []
+
+
+def test_each_record_is_searched_from_where_the_others_lead(monkeypatch):
+    asked, log = [], SimpleNamespace(io=lambda: None)
+    first, second, better = (SimpleNamespace(name=n, fit_percent=lambda _: 95.0) for n in ("first", "second", "better"))
+
+    def searched(fit, others, data):
+        asked.append((fit.name, [other.name for other in others]))
+        return better if fit is first else fit
+
+    monkeypatch.setattr("twin.rig.auto.searched_from", searched)
+    monkeypatch.setattr("twin.rig.auto.joint_values", lambda fit, **_: (value(fit.name, 1.0, 2.0),))
+    rounds = (Round("sweep", log, (), 80.0, first), Round("design", log, (), 90.0, second))
+    led = led_by_each_other(rounds, 0.0)
+    assert asked == [("second", ["first"]), ("first", ["second"])]
+    assert led[1] is rounds[1]
+    assert (led[0].what, led[0].values[0].name, led[0].fit_percent, led[0].fit) == ("sweep", "better", 95.0, better)
 
 
 def test_the_weight_of_the_thigh_alone_keeps_its_link_on_one_side_of_the_backlash():
