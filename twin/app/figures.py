@@ -18,9 +18,12 @@ from sysid.plots.records import record_figure
 from sysid.report import page
 from sysid.report.figures import TABLE
 from sysid.workflow.results import Evaluation
-from twin.app.entries import Model, Runs
+from twin.app.entries import Model
+from twin.app.samples import Runs
 
 if TYPE_CHECKING:
+    from sysid.workflow.input_run import InputRun
+    from sysid.workflow.model_run import ModelRun
     from twin.calibrate.result import Calibration
     from twin.compare.comparison import Comparison
 
@@ -45,7 +48,7 @@ def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Plotly], list
 
 def tab_of(name: str) -> str:
     """The title of a figure's tab; figures of studies stand in no table."""
-    return TABLE[name].tab if name in TABLE else "Run"
+    return TABLE[name].tab if name in TABLE else name.capitalize()
 
 
 def _shift_time(figure: Plotly, start: float) -> Plotly:
@@ -87,6 +90,26 @@ def overlay(models: Mapping[str, Runs]) -> Plotly:
     axis = Axis.of(q, near=near_data)
     borders = [Rule(border, dash="dot") for border in dict.fromkeys(model_runs.border for model_runs in runs)]
     return ready(plotly(Figure([Panel(lines, axis, Axis.time(), weight=1.6)], marks=borders)))
+
+
+def of_run(result: "ModelRun | InputRun") -> dict[str, Plotly]:
+    """A saved model on a record, and its prediction some samples ahead, as in the report."""
+    from sysid.report import saved_models_parts as parts
+    from sysid.workflow.input_run import InputRun
+
+    if isinstance(result, InputRun):
+        caption = "The input, and the model's run from rest."
+        return {"run": {"figure": plotly(parts.input_run_figure(result)), "caption": caption}}
+    caption = "Measured and free run; below, what is left: a good model leaves what looks like noise."
+    drawings = {"run": {"figure": plotly(parts.run_figure(result)), "caption": caption}}
+    if result.ahead is not None:
+        k = result.ahead.horizon
+        caption = (
+            f"No free run: each output is predicted from the measured ones up to {k} sample(s) before it. Compare its "
+            "fit with that of the last measured output held."
+        )
+        drawings["prediction"] = {"figure": plotly(parts.prediction_figure(result)), "caption": caption}
+    return drawings
 
 
 def of_comparison(result: "Comparison") -> dict[str, Plotly]:
