@@ -198,6 +198,19 @@ def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -
     return path
 
 
+def write_process(path: Path, K: float = 0.5, T: float = 1.0, Td: float = 1.0, seed: int = 1, N: int = 600) -> Path:
+    """A record, in volts and radians, of a gain K [rad/V], a time constant T and a delay Td [s], every 0.1 s."""
+    from scipy.signal import lfilter
+
+    rng, Ts = np.random.default_rng(seed), 0.1
+    u = np.repeat(rng.uniform(-5.0, 5.0, -(-N // 25)), 25)[:N]
+    pole = np.exp(-Ts / T)
+    y = lfilter([0.0] * (round(Td / Ts) + 1) + [K * (1.0 - pole)], [1.0, -pole], u) + 0.02 * rng.standard_normal(N)
+    table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
+    table.write_csv(path, float_precision=6)
+    return path
+
+
 def desk_with_a_record(folder: Path):
     """A desk of a session in `folder` with a record, on two cores."""
     from twin.app.desk import Desk

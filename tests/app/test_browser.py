@@ -113,7 +113,7 @@ def test_from_a_log_to_the_script_that_does_the_same(page, place, served):
     key = script.name.partition("-")[0]
     row = marked(page, f"model-{key}").text
     assert all(f"{fit:.1f}" in row for fit in fits), (row, fits)
-    assert f"between(data, {start!r}, {stop!r})" in script.read_text()
+    assert f"Preparation(start={start!r}, stop={stop!r}, " in script.read_text()
     assert not severe(page)
 
 

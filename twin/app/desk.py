@@ -207,6 +207,12 @@ class Desk:
         self.session.change(shown=model.data)
         return self.fit(model.data, setting, model.further, model.validation)
 
+    def refine(self, model: str, key: str) -> Job:
+        """Fit a model of the session to a record once more, from the values that it has."""
+        self._start(model)  # raises InputError for a model that was removed meanwhile
+        fields = {"start": model, "fixed": {}, "bounds": {}}
+        return self.fit(key, self.session.models[model].setting.model_copy(update=fields))
+
     def study(self, key: str, kind: str, joint: str, further: Sequence[str] = ()) -> Job:
         """Put a record beside the twin ("compare"), or fit the twin to it and to `further` ones ("calibrate")."""
         if joint not in JOINTS:

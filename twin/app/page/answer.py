@@ -43,14 +43,15 @@ class AnswerPanel(Panel):
             button = ui.button(f"Try: {step.words}", icon="arrow_forward")
             button.on_click(lambda step=step: attempt(lambda: self.desk.take_step(key, step)))
             button.props(f"no-caps align=left data-mark=step-{k}{' outline' if k else ''}").classes("qpal-step")
-            note(f"{capital(step.why)}.")
+            if step.why not in model.verdict.sentence:
+                note(f"{capital(step.why)}.")
 
 
 def heading(entry: Model | Study) -> str:
     """A model or a study in a few words."""
     if isinstance(entry, Model):
         return f"{entry.name.replace('_', ' ')}{', chosen by a search' * (entry.asked == AUTO)}"
-    return f"{entry.model} on {entry.data}" if entry.kind == "run" else f"{entry.joint}, {entry.kind}"
+    return f"{entry.model} on {entry.data}" if entry.kind == "run" else f"{entry.kind} {entry.data}, {entry.joint}"
 
 
 def mark(verdict: Verdict) -> None:

@@ -12,6 +12,7 @@ from twin.app.jobs import CANCELLED, FAILED, Job
 from twin.app.page.panel import Panel, attempt, note, tell
 
 DEFAULT = "default"
+EMPTY = {"name": "", "value": None, "low": None, "high": None}  # of a parameter that is held
 FIRST = ("output_error", "hammerstein_wiener")  # ticked at first: a linear one, and the toolbox's own
 
 
@@ -26,11 +27,12 @@ class FitPanel(Panel):
         setting = view.desk.session.head.setting
         self._common: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "split": setting.split}
         self._search: dict[str, Any] = {"seconds": SEARCHED}
+        self._held: list[dict[str, Any]] = []
         self._records: dict[str, list[str]] = {"further": [], "validation": []}
         super().__init__(view)
 
     def state(self) -> Any:
-        return tuple(sorted(self._ticked)), self.view.key, tuple(self.desk.session.data)
+        return tuple(sorted(self._ticked)), self.view.key, tuple(self.desk.session.data), len(self._held)
 
     def draw(self) -> None:
         self._draw_records()
@@ -49,6 +51,7 @@ class FitPanel(Panel):
             ).props("dense").props(f"data-mark=structure-{name}").tooltip((kind.__doc__ or "").split("\n")[0])
             if name in self._ticked:
                 self._settings(name, kind)
+        self._draw_held()
         ui.separator()
         with ui.grid(columns=3).classes("w-full gap-2"):
             for field, label, options in (
@@ -93,6 +96,17 @@ class FitPanel(Panel):
                     entry = ui.select(choices, label=words).props("options-dense").classes("min-w-0")
                 entry.bind_value(values, field).props("dense").tooltip(option.help).props(f"data-mark={name}-{field}")
 
+    def _draw_held(self) -> None:
+        """Draw the parameters that are held at a value or between two, and a button for one more."""
+        names = sorted({name for structure in self._ticked for name in _parameters(structure)})
+        for k, row in enumerate(self._held):
+            with ui.grid().classes("w-full gap-x-2 gap-y-0").style("grid-template-columns: 2fr 1fr 1fr 1fr"):
+                ui.input("parameter", autocomplete=names).bind_value(row, "name").props(f"dense data-mark=held-{k}")
+                for field, label in (("value", "held at"), ("low", "least"), ("high", "most")):
+                    ui.number(label).bind_value(row, field).props(f"dense data-mark=held-{k}-{field}")
+        add = ui.button("Hold or bound a parameter", icon="lock", on_click=lambda: self._held.append(dict(EMPTY)))
+        add.props("flat dense no-caps size=sm data-mark=hold").tooltip(f"such as {', '.join(names[:6])}")
+
     def _record(self) -> str | None:
         """The record that is shown; None, and a message says so, where there is none."""
         if self.view.key is None:
@@ -129,7 +143,17 @@ class FitPanel(Panel):
                     raise InputError(f"{name} has no {field}; give a whole number of at least {option.least}")
                 continue
             settings[field] = int(value) if option.kind == "order" else value
-        return self.desk.setting(structure=name, settings=settings, **self._common)
+        rows = [row for row in self._held if row["name"]]
+        fixed = {row["name"].strip(): row["value"] for row in rows if row["value"] is not None}
+        bounds = {row["name"].strip(): (row["low"], row["high"]) for row in rows}
+        bounds = {parameter: ends for parameter, ends in bounds.items() if ends != (None, None)}
+        return self.desk.setting(structure=name, settings=settings, fixed=fixed, bounds=bounds, **self._common)
+
+
+def _parameters(structure: str) -> list[str]:
+    """The names of the parameters of a structure as it is without settings."""
+    model = STRUCTURES[structure]().model()
+    return list(getattr(model, "names", ()))
 
 
 class JobsPanel(Panel):

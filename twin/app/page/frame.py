@@ -56,15 +56,15 @@ body { background: #eef2f5; }
   .qpal-answer-box { grid-template-columns: minmax(0, 3fr) minmax(0, 2fr); align-items: center; }
 }
 .qpal-verdict { border-left: 8px solid var(--word, #52606d); padding: 2px 0 2px 16px; width: 100%; }
-.qpal-number { display: flex; flex-wrap: wrap; align-items: center; gap: 0 14px; font-size: 46px; line-height: 1.15; }
-.qpal-number { font-weight: 650; }
+.qpal-number { display: flex; flex-wrap: wrap; align-items: center; gap: 0 14px; line-height: 1.15; }
+.qpal-number { font-size: clamp(34px, 9.4vw, 46px); font-weight: 650; }
 .qpal-word { color: var(--word); }
 .qpal-mark { display: inline-block; flex: none; width: .62em; height: .62em; }
 .qpal-mark { background: var(--word); border-radius: 50%; }
 .qpal-mark.qpal-usable { background: linear-gradient(90deg, var(--word) 50%, transparent 50%); }
 .qpal-mark.qpal-usable { border: .09em solid var(--word); }
 .qpal-mark.qpal-poor { border-radius: 0; clip-path: polygon(50% 0, 100% 100%, 0 100%); }
-.qpal-step .q-btn__content { text-align: left; }
+.qpal-step .q-btn__content { text-align: left; flex-wrap: nowrap; }
 """
 TYPES = {".html": "text/html", ".json": "application/json", ".xml": "application/xml"}
 # A report has scripts and comes from a session that another person may have made: it runs apart, and fetches nothing.

@@ -9,7 +9,7 @@ from sysid.base.quantities import capital
 from twin.app import figures
 from twin.app.entries import Model
 from twin.app.page.answer import heading, mark
-from twin.app.page.panel import Panel, delete_button, note, tell
+from twin.app.page.panel import Panel, attempt, delete_button, note, tell
 from twin.app.samples import Runs
 
 HEAD = (
@@ -124,11 +124,36 @@ class DetailPanel(Panel):
             for text in entry.sentences:
                 ui.label(text).classes("text-body2 break-words")
         self._files(kind, key)
+        if kind == "models":
+            self._uses(key)
         self._figures(kind, key)
         if kind == "models" and entry.notes:
             with ui.expansion(f"Notes ({len(entry.notes)})", icon="notes").classes("w-full").props("dense"):
                 for text in entry.notes:
                     ui.label(f"{capital(text)}.").classes("text-body2 break-words")
+
+    def _uses(self, key: str) -> None:
+        """Draw what can be done with a model and the record that is shown."""
+
+        def refine() -> None:
+            if self.view.key is not None:
+                record = self.view.key
+                attempt(lambda: self.desk.refine(key, record))
+
+        def run() -> None:
+            if self.view.key is not None:
+                record, ahead = self.view.key, None if horizon.value is None else int(horizon.value)
+                attempt(lambda: self.desk.run(record, key, ahead))
+
+        with ui.row().classes("w-full gap-2 items-end"):
+            ui.button("Refine", icon="tune", on_click=refine).props("outline dense no-caps data-mark=refine").tooltip(
+                "fit it to the record under 1 Data, from the values that it has"
+            )
+            ui.button("Run", icon="play_arrow", on_click=run).props("outline dense no-caps data-mark=run").tooltip(
+                "run it on the record under 1 Data"
+            )
+            horizon = ui.number("predict samples ahead", min=1, precision=0).classes("w-40")
+            horizon.props("dense clearable data-mark=horizon")
 
     def _files(self, kind: str, key: str) -> None:
         with ui.row().classes("w-full gap-2 items-center"):

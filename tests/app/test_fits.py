@@ -1,0 +1,156 @@
+"""Fits of the app against drawn records whose truth is known, and against the same call as the command line's."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from app_served import wait, write_process
+
+import sysid
+from sysid.base.errors import InputError
+from sysid.base.quantities import percent
+from sysid.structures import OutputError, ProcessModel
+from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting as Wanted
+from twin.app.desk import Desk
+from twin.app.entries import AUTO, Setting
+from twin.app.jobs import Jobs
+from twin.app.session import Session
+from twin.app.words import words_of_page
+
+K, T, TD = 0.5, 1.0, 1.0
+WRONG = Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1}, starts=1)  # its delay is too small
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory):
+    """A session with two records of one plant, and a model of the wrong delay."""
+    folder = tmp_path_factory.mktemp("fits")
+    made = Desk(Session.open(folder / "session"), Jobs(2))
+    for k in (1, 2):
+        made.add_log(f"plant{k}.csv", write_process(folder / f"copy{k}.csv", K, T, TD, seed=k))
+    wait(made)
+    made.fit("d1", WRONG)
+    wait(made)
+    yield made
+    made.close()
+
+
+def last(desk):
+    """The newest model with its key, once all jobs are over without an error."""
+    wait(desk)
+    assert [job.error for job in desk.jobs.all] == [""] * len(desk.jobs.all)
+    return list(desk.session.models.items())[-1]
+
+
+def parameters(desk, key):
+    fit = sysid.load(desk.session.file("models", key, "model.json"))
+    return dict(zip(fit.model.names, fit.theta, strict=True))
+
+
+def test_a_step_that_was_tried_brings_what_it_says(desk):
+    before = desk.session.models["m1"]
+    assert before.verdict.word == "poor"
+    assert before.verdict.number == percent(before.fit_validation)
+    step = before.steps[0]
+    assert step.words.startswith("output error (1,1,1")
+    assert step.words.endswith(f" instead of {before.verdict.number}")
+    assert "--" not in " ".join([*(s.words + s.why for s in before.steps), before.verdict.sentence, *before.notes])
+    desk.take_step("m1", step)
+    key, model = last(desk)
+    assert f", {percent(model.fit_validation)} instead of" in step.words
+    values = parameters(desk, key)
+    pole = -values["linear.f1"]
+    assert -0.1 / np.log(pole) == pytest.approx(T, rel=0.02)
+    assert values["linear.b0"] / (1.0 - pole) == pytest.approx(K, rel=0.01)
+    assert model.verdict.word == "good"
+    assert not model.steps
+
+
+def test_the_steps_are_those_of_the_same_call_and_the_numbers_too(desk):
+    log = desk.session.log("d1")
+    result = identify_file(log, Wanted(OutputError(1, 1, 1), starts=1), trials=None)
+    model = desk.session.models["m1"]
+    assert model.fit_validation == result.evaluation.validation_fit
+    assert [step.why for step in model.steps] == [step.why for step in (result.next, result.also) if step]
+
+
+def test_several_records_are_one_fit_and_others_judge_it(desk, tmp_path):
+    setting = Setting(structure="process", settings={"kind": "P1D"}, starts=1)
+    desk.fit("d1", setting, ["d2"])
+    key, model = last(desk)
+    assert model.records == ("d1", "d2")
+    assert model.N == 600  # half of each
+    logs = [desk.session.log("d1"), desk.session.log("d2")]
+    expected = identify_file(logs, Wanted(ProcessModel("P1D"), starts=1)).evaluation
+    assert model.fit_validation == expected.validation_fit
+    desk.fit("d1", setting, (), ["d2"])
+    key, model = last(desk)
+    assert model.records == ("d1", "d2")
+    values = parameters(desk, key)
+    assert [values[f"plant.{name}"] for name in ("K", "T1", "Td")] == pytest.approx([K, T, TD], rel=0.02)
+    assert desk.overlaid([key], "d1") == ([], [key])  # its run goes over two records
+    (tmp_path / "again.py").write_bytes(desk.content("models", key, "script.py"))
+    done = subprocess.run([sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert f"fit on the validation data: {model.fit_validation!r} %" in done.stdout, done.stderr
+
+
+def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk, tmp_path):
+    held = {"fixed": {"plant.Td": 0.9}, "bounds": {"plant.K": (None, 0.45)}}
+    desk.fit("d1", Setting(structure="process", settings={"kind": "P1D"}, starts=1, **held))
+    key, model = last(desk)
+    values = parameters(desk, key)
+    assert values["plant.Td"] == 0.9
+    assert values["plant.K"] <= 0.45 + 1e-9
+    (tmp_path / "again.py").write_bytes(desk.content("models", key, "script.py"))
+    done = subprocess.run([sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert f"fit on the validation data: {model.fit_validation!r} %" in done.stdout, done.stderr
+    desk.refine(key, "d2")
+    key, refined = last(desk)
+    values = parameters(desk, key)
+    assert refined.setting.start is not None
+    assert [values[f"plant.{name}"] for name in ("K", "T1", "Td")] == pytest.approx([K, T, TD], rel=0.02)
+    desk.run("d1", key, 3)
+    wait(desk)
+    study = desk.session.studies["s1"]
+    assert study.verdict.word == "good"
+    assert any(text.startswith("Predicted 3 sample(s) ahead from measured outputs: 9") for text in study.sentences)
+    assert {"run", "prediction"} == set(desk.figures("studies", "s1"))
+
+
+def test_a_search_finds_the_plant(desk):
+    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=12.0))
+    _, model = last(desk)
+    assert model.asked == AUTO
+    best = 100.0 * (1.0 - 0.02 / np.std(desk.record("d1").y[300:]))  # what the noise leaves
+    assert model.fit_validation == pytest.approx(best, abs=1.0)
+
+
+def test_what_was_done_last_is_taken_back(desk):
+    shown, models = desk.session.head.shown, dict(desk.session.models)
+    files = sorted(desk.files("models", "m1"))
+    desk.prepare("d1", start=5.0)
+    desk.remove("models", "m1")
+    desk.remove("data", "d1")
+    assert "m1" not in desk.session.models
+    assert desk.history.last == "the deletion of d1"
+    assert desk.history.undo() == "the deletion of d1"
+    assert desk.record("d1").N == 600
+    desk.history.undo()
+    assert desk.session.models == models
+    assert sorted(desk.files("models", "m1")) == files
+    desk.history.undo()
+    assert desk.session.data["d1"].prepare.start is None
+    assert desk.session.head.shown == shown
+    while desk.history.last:
+        desk.history.undo()
+    with pytest.raises(InputError, match="nothing to undo"):
+        desk.history.undo()
+
+
+def test_sentences_name_the_controls_of_the_page():
+    said = words_of_page(
+        "/s/d1/log.csv: give --split 0.5 or --structure auto, not --unknown", {"/s/d1/log.csv": "a.csv"}
+    )
+    assert said == "a.csv: give 'estimation part' 0.5 or 'Search for a structure', not --unknown"
