@@ -84,9 +84,10 @@ class Session:
 
     def _clear(self) -> None:
         """Delete what was not written whole, and for good what was deleted."""
-        for kind in KINDS:
-            for remnant in (*(self.folder / kind).glob(f"{NEW}*"), *(self.folder / kind).glob(f"{GONE}*")):
-                shutil.rmtree(remnant, ignore_errors=True)
+        for folder in (self.folder / kind for kind in KINDS):
+            if os.path.realpath(folder) == str(folder):  # a link may lead anywhere
+                for remnant in (*folder.glob(f"{NEW}*"), *folder.glob(f"{GONE}*")):
+                    shutil.rmtree(remnant, ignore_errors=True)
 
     def close(self) -> None:
         """Another app may open the folder."""
