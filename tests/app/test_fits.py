@@ -120,7 +120,7 @@ def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk, tmp_p
 
 
 def test_a_search_finds_the_plant(desk):
-    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=12.0))
+    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=25.0))
     _, model = last(desk)
     assert model.asked == AUTO
     best = 100.0 * (1.0 - 0.02 / np.std(desk.record("d1").y[300:]))  # what the noise leaves
