@@ -6,7 +6,7 @@ u^2 and of e with e u (`higher_order_tests`) detect it.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import solve_toeplitz, toeplitz
@@ -17,6 +17,9 @@ from sysid.base.errors import InputError
 from sysid.base.files import json_value
 from sysid.base.handlers import Shown
 from sysid.base.quantities import probability
+
+if TYPE_CHECKING:
+    from sysid.diagnosis.worth import Left
 
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
 CLOSE = 0.5  # points of fit: what is less counts as nothing
@@ -114,7 +117,7 @@ def _allowed_count(n: int, level: float) -> int:
     return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
 
 
-def poor(percent: float, tests: "ResidualTests | None") -> bool:
+def poor(percent: float, tests: "Left | None") -> bool:
     """Whether a free run with this fit [%] misses its data by more than noise explains.
 
     A fit below POOR is poor, unless its residuals are white and independent of the input: then noise limits the fit.
@@ -122,11 +125,6 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
     """
     is_limited = percent > 0.0 and tests is not None and tests.white and tests.independent
     return not percent >= POOR and not is_limited
-
-
-def explained(percent: float, tests: "ResidualTests | None") -> bool:
-    """Whether the input explains nothing of what a fit [%] leaves, as far as tests say, or that is close to nothing."""
-    return tests is None or tests.independent or percent >= 100.0 - CLOSE
 
 
 @checked
