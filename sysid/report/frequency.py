@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.files import versions
-from sysid.base.quantities import capital, number, percent
+from sysid.base.quantities import capital, display_quantity, number, percent, ratio
 from sysid.diagnosis.worth import worth
 from sysid.estimation.frequency_fit import GIVEN
 from sysid.plots.frequency import response_fit_figure
@@ -117,6 +117,6 @@ def values(result: FrequencyIdentification) -> Grid:
     """The values that engineers name, with intervals."""
     rows = [(sections.WORDS.get(v.name, v.name), *sections.value_cells(v)) for v in result.values]
     errors = np.abs(result.result.misfit * result.result.std)
-    unit = f"{result.data.y_unit}/{result.data.u_unit}".strip("/")
-    rows.append(("error of response, middle", number(float(np.median(errors)), 3), "–", unit))
+    q = display_quantity("", ratio(result.data.y_unit, result.data.u_unit))
+    rows.append(("error of response, middle", number(q.factor * float(np.median(errors)), 3), "–", q.unit))
     return Grid(("", "value", "95 % interval", "unit"), rows, last_text=True)
