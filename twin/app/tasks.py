@@ -8,6 +8,7 @@ can be taken. Raises InputError, which the page shows as it is.
 import itertools
 import json
 import os
+import shlex
 import signal
 import sys
 import threading
@@ -105,7 +106,8 @@ def compare(request: dict[str, Any], tell: Tell) -> None:
     log = _twin_log(request["log"], Data.model_validate(request["data"]), request["joint"])
     step = _counter(tell, lambda k: k / (k + len(COMPARED)))
     result = run(log, request["joint"], pot_side=str(log.meta.get("pot_side", "link")), threads=1, tell=step)
-    page, sentences = report.page(result, request["data"]["name"]), report.sentences(result, request["data"]["name"])
+    name = shlex.quote(request["data"]["name"])
+    page, sentences = report.page(result, name), report.sentences(result, name)
     _study(request, "compare", sentences, start, page, figures.of_comparison(result), tell)
 
 
