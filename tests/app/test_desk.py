@@ -111,12 +111,16 @@ def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_ti
     figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
     measured, model, *_, volts = figure["data"]
     degrees = 180.0 / np.pi
-    for line, expected in ((measured, data.y[:, 0] * degrees), (volts, data.u[:, 0]), (model, runs.run * degrees)):
+    for line, expected in (
+        (measured, data.y[:, 0] * degrees),
+        (volts, data.u[:, 0]),
+        (model, runs.run[:, 0] * degrees),
+    ):
         x, y = (np.array(line[axis], dtype=float) for axis in ("x", "y"))
         kept = ~np.isnan(y)
         np.testing.assert_allclose(x[kept], 1.0 + data.t, atol=1e-9)
         np.testing.assert_allclose(y[kept], expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(runs.y, data.y[:, 0])
+    np.testing.assert_allclose(runs.y, data.y)
     (border,) = (each["x0"] for each in figure["layout"]["shapes"])
     assert border == pytest.approx(runs.border)
     assert {each["x"] for each in figure["layout"]["annotations"] if each["xref"] == "x"} == {border}

@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 from app_served import wait, write_process
+from scipy.signal import lfilter
 
 import sysid
 from sysid.base.errors import InputError
@@ -15,6 +16,7 @@ from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting as Wanted
 from twin.app.desk import Desk
 from twin.app.entries import AUTO, Setting
+from twin.app.figures import overlay, tab_of
 from twin.app.jobs import Jobs
 from twin.app.session import Session
 from twin.app.words import words_of_page
@@ -154,3 +156,31 @@ def test_sentences_name_the_controls_of_the_page():
         "/s/d1/log.csv: give --split 0.5 or --structure auto, not --unknown", {"/s/d1/log.csv": "a.csv"}
     )
     assert said == "a.csv: give 'estimation part' 0.5 or 'Search for a structure', not --unknown"
+
+
+def test_several_inputs_and_outputs_are_one_model(desk, tmp_path):
+    """y1 = 0.5 u1 / (1 + s) and y2 = 0.3 u2 - 0.2 u1, each through a lag of its own, as drawn."""
+    rng = np.random.default_rng(7)
+    u = np.repeat(rng.uniform(-5.0, 5.0, (2, 30)), 20, axis=1)
+    poles = np.exp([-0.1, -0.2])
+    y1 = lfilter([0.0, 0.5 * (1.0 - poles[0])], [1.0, -poles[0]], u[0])
+    y2 = lfilter([0.0, 1.0 - poles[1]], [1.0, -poles[1]], 0.3 * u[1] - 0.2 * u[0])
+    table = np.column_stack([0.1 * np.arange(600), *u, y1, y2]) + 0.01 * rng.standard_normal((600, 5)) * [0, 0, 0, 1, 1]
+    np.savetxt(tmp_path / "mimo.csv", table, "%.8g", ",", header="time_s,a_V,b_V,p,q", comments="")
+    key = desk.add_log("mimo.csv", tmp_path / "mimo.csv")
+    wait(desk)
+    desk.choose_columns(key, "a_V,b_V", "p,q", None, None)
+    wait(desk)
+    assert desk.record(key).u.shape == desk.record(key).y.shape == (600, 2)
+    for job in [job for job in desk.jobs.all if job.error]:  # which columns they are was not beyond doubt
+        desk.jobs.forget(job)
+    desk.fit(key, Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1}, starts=1))
+    model_key, model = last(desk)
+    assert model.fit_validation == pytest.approx(100.0 * (1.0 - np.mean(0.01 / np.std([y1, y2], axis=1))), abs=1.0)
+    assert {"free-run-1", "free-run-2", "residuals-1", "residuals-2"} <= set(desk.figures("models", model_key))
+    assert tab_of("free-run-2") == "Free run 2"
+    runs = desk.runs(model_key)
+    np.testing.assert_allclose(runs.run, np.column_stack([y1, y2]), atol=0.05)
+    assert [name for name, _ in runs.outputs] == ["p", "q"]
+    drawn = overlay({"m": runs})
+    assert {trace["yaxis"] for trace in drawn["data"]} == {"y", "y2"}

@@ -389,5 +389,6 @@ def test_a_run_up_over_time_is_no_response_and_is_read_as_a_record(tmp_path, cap
     assert "where its rows are samples in time instead, name --input and --output, and give --ts SECONDS" in told
     columns = ["--input", "magnitude [A]", "--output", "omega [rad/s]", "--ts", "0.01"]
     setting = ["--structure", "output_error", "--orders", "1,1,1", "--starts", "1", "--trials", "0"]
+    assert main(["info", "up.csv", *columns, "--out", "seen"]) == 0
     assert main(["identify", "up.csv", *columns, *setting, "--out", "out"]) == 0
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["read"]["Ts"] == 0.01

@@ -20,20 +20,19 @@ FIELDS = ("u_name", "y_name", "u_unit", "y_unit")  # of a record, kept as texts
 class Runs:
     """What a model gives under the input that it was fitted and validated with.
 
-    t [s] from the start of the log, measured y and free run (N,) on the scale of the log, and the time `border` [s]
-    at which validation begins.
+    t [s] from the start of the log, measured y and free run (N, ny) on the scale of the log, and the time `border` [s]
+    at which validation begins; `outputs` are names with units.
     """
 
     t: np.ndarray
     y: np.ndarray
     run: np.ndarray
     border: float
-    name: str
-    unit: str
+    outputs: tuple[tuple[str, str], ...]
 
 
 def save_record(data: IOData, path: Path) -> None:
-    """Write a record of one input and one output."""
+    """Write a record."""
     missing = np.zeros(0, dtype=bool) if data.missing is None else data.missing
     words = {name: np.array(str(getattr(data, name))) for name in FIELDS}
     _write(path, u=data.u, y=data.y, Ts=np.array(data.Ts), missing=missing, **words)
@@ -54,11 +53,13 @@ def save_runs(evaluation: Any, start: float, path: Path) -> None:
     """Write the free runs of an evaluation whose record begins `start` [s] after that of the log."""
     estimation, parts = evaluation.estimation, [(evaluation.estimation, evaluation.estimation_output)]
     parts += [(evaluation.validation, evaluation.validation_output)] if evaluation.unseen else []
-    offset = estimation.y_offset[0]
-    y = np.concatenate([np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part, _ in parts]) + offset
-    run = np.concatenate([np.ravel(output) for _, output in parts]) + offset
+    offset = estimation.y_offset
+    y = np.concatenate([np.where(part.observed, part.y, np.nan) for part, _ in parts]) + offset
+    run = np.concatenate([np.reshape(output, part.y.shape) for part, output in parts]) + offset
     t = start + np.arange(len(y)) * estimation.Ts
-    words = {"name": np.array(estimation.y_name), "unit": np.array(estimation.y_unit)}
+    outputs = [(output.name, output.unit) for output in evaluation.outputs]
+    names, units = zip(*(outputs or [(estimation.y_name, estimation.y_unit)]), strict=True)
+    words = {"name": np.array(names), "unit": np.array(units)}
     _write(path, t=t, y=y, run=run, border=np.array(start + (estimation.N - 0.5) * estimation.Ts), **words)
 
 
@@ -66,13 +67,15 @@ def load_runs(path: Path) -> Runs:
     """Read what `save_runs` wrote; raises InputError for a file that is missing or damaged."""
     arrays = _read(path)
     try:
-        t, y, run = (np.asarray(arrays[name], dtype=float) for name in ("t", "y", "run"))
-        if not (t.ndim == 1 and t.shape == y.shape == run.shape):
+        t = np.asarray(arrays["t"], dtype=float)
+        y, run = (np.asarray(arrays[name], dtype=float).reshape(len(t), -1) for name in ("y", "run"))
+        names, units = (np.atleast_1d(arrays[word]) for word in ("name", "unit"))
+        if not (t.ndim == 1 and y.shape == run.shape and y.shape[1:] == names.shape == units.shape):
             raise ValueError("the signals differ in length")
         if not (np.isfinite(t).all() and np.isfinite(y).any()):
             raise ValueError("the signals have no samples")
-        name, unit = (str(arrays[word])[:WORD] for word in ("name", "unit"))
-        return Runs(t, y, run, float(arrays["border"]), name, unit)
+        outputs = tuple((str(name)[:WORD], str(unit)[:WORD]) for name, unit in zip(names, units, strict=True))
+        return Runs(t, y, run, float(arrays["border"]), outputs)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"{path.name} is damaged ({error}); fit the model again") from None
 

@@ -183,12 +183,7 @@ def _frequency_data(files: Sequence[str], ts: float | None, is_record: bool) -> 
     """
     from sysid.workflow.frequency import read_frequency
 
-    try:
-        data = read_frequency(files[0], ts)
-    except InputError:
-        if is_record:
-            return None
-        raise
+    data = read_frequency(files[0], ts, is_record)
     if data is not None and len(files) > 1:
         raise InputError(f"{files[0]} holds a frequency response, and {len(files)} files are given; give one")
     return data
