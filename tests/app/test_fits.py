@@ -122,7 +122,7 @@ def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk, tmp_p
 
 
 def test_a_search_finds_the_plant(desk):
-    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=25.0))
+    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=40.0))
     _, model = last(desk)
     assert model.asked == AUTO
     best = 100.0 * (1.0 - 0.02 / np.std(desk.record("d1").y[300:]))  # what the noise leaves
@@ -184,3 +184,36 @@ def test_several_inputs_and_outputs_are_one_model(desk, tmp_path):
     assert [name for name, _ in runs.outputs] == ["p", "q"]
     drawn = overlay({"m": runs})
     assert {trace["yaxis"] for trace in drawn["data"]} == {"y", "y2"}
+
+
+@pytest.mark.nightly  # minutes; the sentences and numbers of both have tests of their own, and the page's calls a quick one
+def test_a_log_of_the_twin_departs_from_it_by_noise_alone_and_calibrates_to_its_own_values(tmp_path):
+    own = Desk(Session.open(tmp_path / "session"), Jobs(1))
+    try:
+        for seed, excitation in ((3, "aprbs"), (4, "prbs")):
+            own.make(joint="thigh", duration=20.0, Ts=0.05, seed=seed, excitation=excitation)
+            wait(own)
+        own.study("d1", "compare", "thigh")
+        own.study("d1", "calibrate", "thigh", ["d2"])
+        wait(own)
+        compared, calibrated = own.session.studies.values()
+        assert (compared.verdict.word, calibrated.verdict.word) == ("good", "usable")
+        assert compared.verdict.sentence.startswith("No departure that matters")
+        assert float(calibrated.verdict.number.split()[0]) > 97.0
+        found = read_parameters(own.session.file("studies", "s2", "parameters.toml"))
+        assert found["thigh.no_load_speed"] == pytest.approx(Parameters()["thigh.no_load_speed"], rel=0.05)
+    finally:
+        own.close()
+
+
+def test_a_study_is_the_call_of_the_command_line(desk, monkeypatch):
+    """The request that the page makes of the twin: which task, joint and logs; what it gives back is taken in."""
+    asked = []
+    monkeypatch.setattr(desk.jobs, "submit", lambda title, request, hear, key: asked.append((title, request)))
+    desk.study("d1", "compare", "thigh")
+    desk.study("d1", "calibrate", "thigh", ["d2"])
+    (_, compare), (title, calibrate) = asked
+    assert (compare["task"], compare["joint"], compare["logs"]) == ("compare", "thigh", [str(desk.session.log("d1"))])
+    assert title == "thigh calibrating the twin"
+    assert calibrate["logs"] == [str(desk.session.log(key)) for key in ("d1", "d2")]
+    assert [entry["name"] for entry in calibrate["entries"]] == ["plant2.csv"]
