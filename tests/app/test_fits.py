@@ -20,6 +20,8 @@ from twin.app.figures import overlay, tab_of
 from twin.app.jobs import Jobs
 from twin.app.session import Session
 from twin.app.words import words_of_page
+from twin.parameter_file import read as read_parameters
+from twin.parameters import Parameters
 
 K, T, TD = 0.5, 1.0, 1.0
 WRONG = Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1}, starts=1)  # its delay is too small
@@ -186,7 +188,7 @@ def test_several_inputs_and_outputs_are_one_model(desk, tmp_path):
     assert {trace["yaxis"] for trace in drawn["data"]} == {"y", "y2"}
 
 
-@pytest.mark.nightly  # minutes; the sentences and numbers of both have tests of their own, and the page's calls a quick one
+@pytest.mark.nightly  # minutes; what the page asks for has a quick test below, and what the verbs find has others
 def test_a_log_of_the_twin_departs_from_it_by_noise_alone_and_calibrates_to_its_own_values(tmp_path):
     own = Desk(Session.open(tmp_path / "session"), Jobs(1))
     try:
