@@ -66,11 +66,11 @@ class DataPanel(Panel):
         columns = {name: readable(name) for name in entry.columns}
         for role in ("input", "output"):
             chosen = [*several(getattr(entry, role), entry.columns)]
-            words = f"{role}, or several{'' if chosen else ': found by name and unit'}"
+            words = f"{role}, or several{'' if chosen else '; none: by name'}"
             fields[role] = ui.select(columns, multiple=True, value=chosen, label=words, clearable=True)
             fields[role].classes("w-full min-w-0").props(f"dense use-chips options-dense data-mark=column-{role}")
         fields["time"] = ui.select(options, value=entry.time, label="time").classes("w-full").props("dense")
-        Ts = ui.number("sampling time [s], without a time column", value=entry.Ts, min=0).classes("w-full")
+        Ts = ui.number("sampling time [s] without a clock", value=entry.Ts, min=0).classes("w-full")
 
         def read() -> None:
             chosen = {role: ",".join(fields[role].value or ()) or None for role in ("input", "output")}

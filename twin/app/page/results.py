@@ -146,12 +146,12 @@ class DetailPanel(Panel):
                 attempt(lambda: self.desk.run(record, key, ahead))
 
         with ui.row().classes("w-full gap-2 items-end"):
-            ui.button("Refine", icon="tune", on_click=refine).props("outline dense no-caps data-mark=refine").tooltip(
-                "fit it to the record under 1 Data, from the values that it has"
-            )
-            ui.button("Run", icon="play_arrow", on_click=run).props("outline dense no-caps data-mark=run").tooltip(
-                "run it on the record under 1 Data"
-            )
+            ui.button("Refine", icon="tune", on_click=refine).props("outline dense no-caps data-mark=refine").classes(
+                "q-px-sm"
+            ).tooltip("fit it to the record under 1 Data, from the values that it has")
+            ui.button("Run", icon="play_arrow", on_click=run).props("outline dense no-caps data-mark=run").classes(
+                "q-px-sm"
+            ).tooltip("run it on the record under 1 Data")
             horizon = ui.number("predict samples ahead", min=1, precision=0).classes("w-40")
             horizon.props("dense clearable data-mark=horizon")
 
