@@ -6,7 +6,7 @@ u^2 and of e with e u (`higher_order_tests`) detect it.
 """
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import solve_toeplitz, toeplitz
@@ -18,9 +18,6 @@ from sysid.base.files import json_value
 from sysid.base.handlers import Shown
 from sysid.base.quantities import probability
 
-if TYPE_CHECKING:
-    from sysid.diagnosis.worth import Left
-
 POOR = 80.0  # [%] of fit; below it a free run that leaves more than noise should be tried again
 CLOSE = 0.5  # points of fit: what is less counts as nothing
 UNTESTED = "no residual tests: "  # a note that begins so gives the reason
@@ -29,6 +26,18 @@ MEANINGS = {
     "e^2 with u^2": "the size of the error depends on the size of the input: a map or a noise level is missing",
     "e with e u": "noise and input multiply: the model lacks a cross term, or the noise does not enter at the output",
 }
+
+
+class Left(Protocol):
+    """What tests say of the errors that a fit leaves."""
+
+    @property
+    def white(self) -> bool:
+        """Whether they are like noise."""
+
+    @property
+    def independent(self) -> bool:
+        """Whether the input explains none of them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,7 +126,7 @@ def _allowed_count(n: int, level: float) -> int:
     return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
 
 
-def poor(percent: float, tests: "Left | None") -> bool:
+def poor(percent: float, tests: Left | None) -> bool:
     """Whether a free run with this fit [%] misses its data by more than noise explains.
 
     A fit below POOR is poor, unless its residuals are white and independent of the input: then noise limits the fit.

@@ -1,25 +1,13 @@
 """What a fit is worth, in one word: the rule of every verb that has a fit."""
 
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
-from sysid.diagnosis.residuals import CLOSE, POOR, ResidualTests, poor, residual_tests
+from sysid.diagnosis.residuals import CLOSE, POOR, Left, ResidualTests, poor, residual_tests
 
 Word = Literal["good", "usable", "poor"]
 _LAGS = 25  # of the residual tests
-
-
-class Left(Protocol):
-    """What tests say of the errors that a fit leaves."""
-
-    @property
-    def white(self) -> bool:
-        """Whether they are like noise."""
-
-    @property
-    def independent(self) -> bool:
-        """Whether the input explains none of them."""
 
 
 def worth(percent: float, left: Left | None, sound: bool = True) -> Word:
