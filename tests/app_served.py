@@ -186,6 +186,47 @@ def until(look, what: str = "", seconds: float = PATIENCE):
     raise AssertionError(f"nothing came within {seconds:g} s: {what}")
 
 
+def marked(page, name):
+    """The element with this mark."""
+    return page.find_element("css selector", f'[data-mark="{name}"]')
+
+
+def there(page, name):
+    """Whether there is an element with this mark."""
+    return bool(page.find_elements("css selector", f'[data-mark="{name}"]'))
+
+
+def click(page, name):
+    """A click on what may lie below the window's edge."""
+    until(lambda: page.execute_script("arguments[0].click(); return true", marked(page, name)), name)
+
+
+def type_in(page, name, text):
+    """Replaces what a field holds, as a person does, and leaves it."""
+    from selenium.webdriver.common.keys import Keys
+
+    field = until(lambda: marked(page, name), name)
+    field.send_keys(Keys.CONTROL, "a", Keys.NULL, text, Keys.TAB)
+    time.sleep(0.5)  # until the app has it
+
+
+def drop(page, log):
+    """Drops a log on the page."""
+    page.find_element("css selector", "input[type=file]").send_keys(str(log))
+
+
+def idle(page):
+    """Waits for the end of all jobs."""
+    return until(lambda: not there(page, "cancel"), "the end of all jobs")
+
+
+def severe(page):
+    """What the browser complains of, but for two that mean nothing: the software renderer, and a plot that was just
+    taken away and is told its size."""
+    rows = [row["message"] for row in page.get_log("browser") if row["level"] == "SEVERE"]
+    return [row for row in rows if "WebGL" not in row and "displayed plot div" not in row]
+
+
 def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -> Path:
     """A record of y_t = 0.8 y_{t-1} + 0.1 u_{t-1}, in volts and radians."""
     from scipy.signal import lfilter
@@ -193,6 +234,19 @@ def write_log(path: Path, N: int = 400, Ts: float = 0.05, noise: float = 0.01) -
     rng = np.random.default_rng(3)
     u = np.repeat(rng.uniform(-5.0, 5.0, -(-N // 8)), 8)[:N]
     y = lfilter([0.0, 0.1], [1.0, -0.8], u) + noise * rng.standard_normal(N)
+    table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
+    table.write_csv(path, float_precision=6)
+    return path
+
+
+def write_process(path: Path, K: float = 0.5, T: float = 1.0, Td: float = 1.0, seed: int = 1, N: int = 600) -> Path:
+    """A record, in volts and radians, of a gain K [rad/V], a time constant T and a delay Td [s], every 0.1 s."""
+    from scipy.signal import lfilter
+
+    rng, Ts = np.random.default_rng(seed), 0.1
+    u = np.repeat(rng.uniform(-5.0, 5.0, -(-N // 25)), 25)[:N]
+    pole = np.exp(-Ts / T)
+    y = lfilter([0.0] * (round(Td / Ts) + 1) + [K * (1.0 - pole)], [1.0, -pole], u) + 0.02 * rng.standard_normal(N)
     table = pl.DataFrame({"time_s": np.round(np.arange(N) * Ts, 6), "voltage_V": u, "angle_rad": y})
     table.write_csv(path, float_precision=6)
     return path

@@ -21,8 +21,14 @@ class Quantity:
 
     def per(self, other: "Quantity") -> "Quantity":
         """This quantity for each unit of another one, of which both may be shown in units that are not the stored."""
-        unit = f"{self.unit or '1'} per {other.unit or 'unit'}" if self.unit or other.unit else ""
-        return Quantity(self.name, unit, self.factor / other.factor)
+        return Quantity(self.name, ratio(self.unit, other.unit), self.factor / other.factor)
+
+
+def ratio(y: str, u: str) -> str:
+    """The unit of y for each unit of u, such as "degC/%"; empty where neither has one."""
+    if not (y or u):
+        return ""
+    return f"{y or '1'}/{f'({u})' if '/' in u else u or 'unit'}"
 
 
 SHARE = "share"  # the unit of a number that its file has in per cent: stored as a part of 1, shown as it was

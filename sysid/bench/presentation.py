@@ -4,6 +4,7 @@ The sentences say who is first in each family, where a peer wins, and where a me
 """
 
 import math
+import shlex
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -35,12 +36,21 @@ def command(scenario: str, method: str, seed: int, budget: float | None = None) 
 
     name = method_of(scenario, method)
     file = "" if name in TABLE else ".py"
-    records = " --records FOLDER" if scenario.startswith(("real/", "files/")) else ""
-    time = "" if budget is None else f" --budget {budget:g}"
-    return (
-        f"qpal bench run --scenario {scenario} --method {name}{file} --first {seed} --seeds 1{time}{records} "
-        "--out runs/again.parquet"
-    )
+    time = [] if budget is None else ["--budget", f"{budget:g}"]
+    words = ["--scenario", scenario, "--method", f"{name}{file}", "--first", str(seed), "--seeds", "1", *time]
+    return shlex.join(["qpal", "bench", "run", *words, *_records_of(scenario), "--out", "runs/again.parquet"])
+
+
+def _records_of(scenario: str) -> list[str]:
+    """The option that families of records need, which are in a folder of the user's."""
+    return ["--records", "FOLDER"] if scenario.startswith(("real/", "files/")) else []
+
+
+def _more(family: str) -> str:
+    """The command that runs all tasks of a family, which of drawn records may end in their length."""
+    name, _, length = family.partition("-")
+    scenarios = f"{name}/*{length and f'-{length}'}"
+    return shlex.join(["qpal", "bench", "run", "--scenario", scenarios, *_records_of(scenarios)])
 
 
 def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: Collection[str]) -> Iterator[str]:
@@ -48,8 +58,7 @@ def _family(row: dict[str, Any], rows: pl.DataFrame, board: pl.DataFrame, ours: 
     family, library, peer = row["family"], row["ours"], row["peer"]
     if library is None and peer is None:
         yield (
-            f"{family}: no method tried {_percent(ENOUGH)} of the tasks, so none is ranked. Run more: qpal bench run "
-            "--tag standard"
+            f"{family}: no method tried {_percent(ENOUGH)} of the tasks, so none is ranked. Run more: {_more(family)}"
         )
         return
     losses = [row[f"{side}_lost"] for side in ("ours", "peer") if row[f"{side}_lost"] is not None]

@@ -8,6 +8,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.channels.clock import is_named_clock
 from sysid.channels.column import Column, numeric_columns, words
+from sysid.channels.complex_columns import with_parts
 from sysid.data.frequency import FrequencyData, frequency_data
 from sysid.data.table import Table
 
@@ -37,11 +38,13 @@ _HOW = (
 
 
 def frequency_of(table: Table, Ts: float | None = None) -> FrequencyData | None:
-    """The frequency response in a table; None of one that is none: without rising frequencies, or with a clock.
+    """The frequency response in a table; None of one that is none, or has a clock.
 
-    Raises InputError for one that lacks something, in a sentence that names the file.
+    Where other columns stand beside those of a response, its frequencies rise or fall: else it may be a log with a
+    chirp. A response alone may have its rows in any order. Raises InputError for one that lacks something, in a
+    sentence that names the file and how its rows are read as samples in time.
     """
-    columns = numeric_columns(table)
+    columns = numeric_columns(with_parts(table))
     named = _by_name(list(columns.values()))
     found = {kind: each[0] for kind, each in named.items()}
     others = [kind for kind in ("magnitude", "phase", "real", "imaginary") if kind in found]
@@ -49,12 +52,15 @@ def frequency_of(table: Table, Ts: float | None = None) -> FrequencyData | None:
     if frequency is None or not others or any(is_named_clock(c.header) for c in columns.values()):
         return None
     is_whole = {"magnitude", "phase"} <= {*others} or {"real", "imaginary"} <= {*others}
-    if not is_whole and sum(map(len, named.values())) < len(columns):
+    is_alone = sum(map(len, named.values())) == len(columns)
+    if not is_whole and not is_alone:
         return None  # a log of a chirp may have its frequency and an angle beside other signals
-    steps = np.diff(frequency.values)
-    if not _unit(frequency, _HERTZ) and not frequency.header.has(words("frequency freq frequenz omega")):
+    is_named = _unit(frequency, _HERTZ) or frequency.header.has(words("frequency freq frequenz omega"))
+    if not is_named and not (is_whole and is_alone):
         return None  # a force f or a speed w
-    if not len(steps) or not (np.all(steps > 0.0) or np.all(steps < 0.0)) or np.any(frequency.values < 0.0):
+    steps = np.diff(frequency.values)
+    is_sorted = bool(np.all(steps > 0.0) or np.all(steps < 0.0))
+    if not len(steps) or np.any(frequency.values < 0.0) or not (is_sorted or (is_whole and is_alone)):
         return None
     try:
         for kind, each in named.items():
@@ -62,7 +68,10 @@ def frequency_of(table: Table, Ts: float | None = None) -> FrequencyData | None:
                 raise InputError(f"{' and '.join(repr(c.name) for c in each)} are both a {kind}; leave out all but one")
         return _response(found, Ts)
     except InputError as error:
-        raise InputError(f"{table.path} seems to be a frequency response; {error}") from None
+        raise InputError(
+            f"{table.path} seems to be a frequency response; {error}; where its rows are samples in time instead, name "
+            "--input and --output, and give --ts SECONDS"
+        ) from None
 
 
 def _by_name(columns: Sequence[Column]) -> dict[str, list[Column]]:
@@ -72,6 +81,8 @@ def _by_name(columns: Sequence[Column]) -> dict[str, list[Column]]:
         kinds = [kind for kind, names in _NAMES.items() if column.header.has(names)]
         if len(kinds) > 1 and "frequency" in kinds:  # f_re
             kinds.remove("frequency")
+        if len(kinds) > 1 and "magnitude" in kinds and not column.header.has(words("magnitude mag")):
+            kinds.remove("magnitude")  # the phase of a gain
         if not kinds and re.search(r"\|.+\|", column.name):
             kinds = ["magnitude"]
         if kinds:
@@ -104,6 +115,8 @@ def _response(found: dict[str, Column], Ts: float | None) -> FrequencyData:
         lacks = next(other for kind, other in missing.items() if kind in found)
         raise InputError(f"it has no column {lacks}; {_HOW}")
     w = factor * column.values
+    if (count := len(w) - len(np.unique(w))) > 0:
+        raise InputError(f"{count} of its {len(w)} frequencies stand there twice; leave out all but one row of each")
     keep = (w > 0.0) & np.isfinite(response)  # at 0 an integrator has no response, and its phase says nothing
     std = found["std"].values[keep] if "std" in found else None
     coherence = found["coherence"].values[keep] if "coherence" in found and std is None else None
@@ -122,4 +135,11 @@ def _magnitude(column: Column) -> tuple[np.ndarray, str]:
         raise InputError(
             f"column {column.name!r} has values below 0, which no magnitude has; if it is in dB, write [dB]"
         )
-    return values, "" if unit.lower() in ("abs", "1", "-", "lin", "linear") else unit
+    if unit.lower() in ("", "abs", "1", "-", "lin", "linear"):
+        return values, ""
+    if "/" not in unit:  # the size of a signal, as in a record of a run-up
+        raise InputError(
+            f"column {column.name!r} is in {unit}, and a response in a unit of y/u; write it behind the name, [dB], "
+            f"[abs] or such as [{unit}/V]"
+        )
+    return values, unit

@@ -6,7 +6,7 @@ u^2 and of e with e u (`higher_order_tests`) detect it.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.linalg import solve_toeplitz, toeplitz
@@ -26,6 +26,18 @@ MEANINGS = {
     "e^2 with u^2": "the size of the error depends on the size of the input: a map or a noise level is missing",
     "e with e u": "noise and input multiply: the model lacks a cross term, or the noise does not enter at the output",
 }
+
+
+class Left(Protocol):
+    """What tests say of the errors that a fit leaves."""
+
+    @property
+    def white(self) -> bool:
+        """Whether they are like noise."""
+
+    @property
+    def independent(self) -> bool:
+        """Whether the input explains none of them."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -114,7 +126,7 @@ def _allowed_count(n: int, level: float) -> int:
     return int(np.argmax(bdtr(counts, n, 1.0 - level) >= 0.99))
 
 
-def poor(percent: float, tests: "ResidualTests | None") -> bool:
+def poor(percent: float, tests: Left | None) -> bool:
     """Whether a free run with this fit [%] misses its data by more than noise explains.
 
     A fit below POOR is poor, unless its residuals are white and independent of the input: then noise limits the fit.
@@ -122,11 +134,6 @@ def poor(percent: float, tests: "ResidualTests | None") -> bool:
     """
     is_limited = percent > 0.0 and tests is not None and tests.white and tests.independent
     return not percent >= POOR and not is_limited
-
-
-def explained(percent: float, tests: "ResidualTests | None") -> bool:
-    """Whether the input explains nothing of what a fit [%] leaves, as far as tests say, or that is close to nothing."""
-    return tests is None or tests.independent or percent >= 100.0 - CLOSE
 
 
 @checked

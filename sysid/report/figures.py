@@ -189,7 +189,7 @@ def _step_caption(e: Evaluation) -> str:
     goes_on = "" if e.stable else ", and it does not settle"
     return (
         "Step response of the linear model that is tangent to the fit at the mean input: after "
-        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.unit or 'units of y'} per {u.unit or 'unit of u'}"
+        f"{e.step.x[-1]:.3g} s its value is {number(last, 3)} {y.per(u).unit or 'units of y per unit of u'}"
         f"{goes_on}."
     )
 

@@ -1,19 +1,19 @@
 """The page of `qpal identify` on a frequency response."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from sysid.base.files import versions
-from sysid.base.quantities import capital, number, percent
+from sysid.base.quantities import capital, display_quantity, number, percent, ratio
+from sysid.diagnosis.worth import worth
 from sysid.estimation.frequency_fit import GIVEN
 from sysid.plots.frequency import response_fit_figure
 from sysid.report import sections
-from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
+from sysid.report.answer import Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.workflow.frequency import FrequencyIdentification
-
-_GOOD, _POOR = 0.1, 0.5  # share of the response that the middle error is
 
 
 def page(result: FrequencyIdentification, files: Sequence[tuple[str, str]], model: str) -> Page:
@@ -55,13 +55,22 @@ def answer(result: FrequencyIdentification, model: str = "") -> Answer:
     )
 
 
+@dataclass(frozen=True)
+class _Left:
+    """What is left of a frequency response, which has no input beside it: like noise, or not."""
+
+    white: bool
+
+    @property
+    def independent(self) -> bool:
+        """Whether nothing of the plant is in it."""
+        return self.white
+
+
 def word(result: FrequencyIdentification) -> Word:
-    """Good where what is left is like noise, and no more than the given deviations say, or a small share."""
+    """As `worth` says of the share of the response that the model gives; sound where the fit has no warnings."""
     r = result.result
-    if r.share > _POOR:
-        return POOR
-    is_small = r.errors == GIVEN or r.share < _GOOD
-    return GOOD if r.random and is_small and not r.fit.warnings else USABLE
+    return worth(100.0 * (1.0 - r.share), _Left(r.random), not r.fit.warnings)
 
 
 def left(result: FrequencyIdentification) -> str:
@@ -108,6 +117,6 @@ def values(result: FrequencyIdentification) -> Grid:
     """The values that engineers name, with intervals."""
     rows = [(sections.WORDS.get(v.name, v.name), *sections.value_cells(v)) for v in result.values]
     errors = np.abs(result.result.misfit * result.result.std)
-    unit = f"{result.data.y_unit}/{result.data.u_unit}".strip("/")
-    rows.append(("error of response, middle", number(float(np.median(errors)), 3), "–", unit))
+    q = display_quantity("", ratio(result.data.y_unit, result.data.u_unit))
+    rows.append(("error of response, middle", number(q.factor * float(np.median(errors)), 3), "–", q.unit))
     return Grid(("", "value", "95 % interval", "unit"), rows, last_text=True)

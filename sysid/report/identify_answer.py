@@ -7,11 +7,12 @@ from sysid.base.quantities import capital, number, percent
 from sysid.diagnosis import residuals
 from sysid.diagnosis.relation import COMPUTED
 from sysid.diagnosis.signals import NO_VALUE
+from sysid.diagnosis.worth import worth
 from sysid.drawing.figure import Figure
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import runs_figure
 from sysid.report import figures, sections, verdict
-from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
+from sysid.report.answer import POOR, USABLE, Answer, Word, short
 from sysid.report.bands import bands
 from sysid.report.page import Grid, Picture
 from sysid.workflow.remarks import WRONG
@@ -35,16 +36,16 @@ def answer(result: Identification, model: str = "") -> Answer:
 
 
 def word(result: Identification) -> Word:
-    """Poor as `_bad` and the model's sign say; good on unseen data if nothing is left to try or to explain.
+    """As `worth` says; sound on unseen data if nothing is left to try; poor also where it goes against its record.
 
-    What is left may depend on the input where all of it is less than the half point that counts as close.
+    A prediction some steps ahead that is poor, but misses less than half of its data, is usable.
     """
     e = result.evaluation
     if _bad(e) or _wrong(e) or _spoilt(result):
         return POOR
-    is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
-    is_done = is_done and not _computed(result)
-    return GOOD if is_done and residuals.explained(e.judged_fit, e.tests) else USABLE
+    is_sound = result.next is None and e.unseen and not verdict.no_joint(e) and not _computed(result)
+    found = worth(e.judged_fit, e.tests, is_sound)
+    return USABLE if found == POOR else found
 
 
 def _computed(result: Identification) -> str:

@@ -1,9 +1,9 @@
 """The first screen of `qpal run`: how much of a record a saved model explains, or which of several does best."""
 
 from sysid.base.quantities import capital, percent
-from sysid.diagnosis import residuals
+from sysid.diagnosis.worth import worth
 from sysid.report import saved_models_parts as parts
-from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
+from sysid.report.answer import POOR, Answer, Word, short
 from sysid.report.page import Picture
 from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
@@ -42,15 +42,10 @@ _CAPTION = (
 
 
 def word(result: ModelRun) -> Word:
-    """Poor where a next step is named; good where the fit does not fall behind that of the estimation data.
-
-    As of `qpal identify`, what is left may not depend on the input, and a model that it calls poor is not good here.
-    """
-    if result.next is not None:
-        return POOR
-    holds = result.percent >= residuals.POOR and not fell(result.model.estimation, result.percent)
-    holds = holds and residuals.explained(result.percent, result.tests)
-    return GOOD if holds and not unfit(result.model.fit) else USABLE
+    """As `worth` says; sound where the fit does not fall behind that of the estimation data, and the file does not warn
+    of the model."""
+    is_sound = fell(result.model.estimation, result.percent) is None and not unfit(result.model.fit)
+    return worth(result.percent, result.tests, is_sound)
 
 
 def sentence(result: ModelRun) -> str:

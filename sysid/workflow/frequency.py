@@ -53,10 +53,13 @@ class FrequencyIdentification:
         )
 
 
-def read_frequency(path: str | os.PathLike[str], Ts: float | None = None) -> FrequencyData | None:
+def read_frequency(
+    path: str | os.PathLike[str], Ts: float | None = None, is_record: bool = False
+) -> FrequencyData | None:
     """The frequency response in a file; None if it holds none, whatever else it holds or lacks.
 
-    A larger file is a log, which is not read twice.
+    A larger file is a log, which is not read twice. Raises InputError for one that lacks something, which is none where
+    who asks knows that it `is_record`.
     """
     try:
         if Path(path).suffix.lower() not in Delimited.suffixes or Path(path).stat().st_size > _LARGEST:
@@ -64,7 +67,12 @@ def read_frequency(path: str | os.PathLike[str], Ts: float | None = None) -> Fre
         table = read_table(path)
     except (InputError, OSError):
         return None  # told by who reads a record
-    return frequency_of(table, Ts)
+    try:
+        return frequency_of(table, Ts)
+    except InputError:
+        if is_record:
+            return None
+        raise
 
 
 def identify_frequency(path: str | os.PathLike[str], data: FrequencyData, setting: Any) -> FrequencyIdentification:

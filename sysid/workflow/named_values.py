@@ -1,6 +1,7 @@
 """Values of a model whose parameters engineers name, such as a gain or a time constant, with intervals."""
 
 from sysid.base.errors import InputError
+from sysid.base.quantities import ratio
 from sysid.data.frequency import FrequencyData
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
@@ -40,6 +41,4 @@ def unit_of(unit: str, data: IOData | FrequencyData) -> str:
         return unit
     y, u = ("" if each == "1" else each for each in (data.y_unit, data.u_unit))
     time = unit.removeprefix("Y/U")
-    if not (y or u):
-        return f"1{time}" if time else ""
-    return f"{y or '1'}/{f'({u})' if '/' in u else u or 'unit'}{time}"
+    return f"{ratio(y, u) or '1'}{time}" if y or u or time else ""

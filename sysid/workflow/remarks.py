@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sysid.base.quantities import display_quantity
+from sysid.base.quantities import display_quantity, ratio
 from sysid.blocks import TravelMap
 from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
@@ -32,7 +32,7 @@ def gain_remarks(estimation: IOData, validation: IOData, run: np.ndarray, step: 
     observation = f"in the estimation data {y} {'rises' if way > 0 else 'falls'} when {u} rises"
     q = display_quantity("", "")
     if estimation.u_unit and estimation.y_unit not in ("", "1"):
-        q = display_quantity("", f"{estimation.y_unit}/{estimation.u_unit}")
+        q = display_quantity("", ratio(estimation.y_unit, estimation.u_unit))
     unit = f" {q.unit}" if q.unit else ""
     remarks = []
     if direction(validation, run) == -way:

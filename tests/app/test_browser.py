@@ -6,41 +6,26 @@ import time
 from pathlib import Path
 
 import pytest
-from app_served import PATIENCE, app, browser, until, write_log
+from app_served import (
+    PATIENCE,
+    app,
+    browser,
+    click,
+    drop,
+    idle,
+    marked,
+    severe,
+    there,
+    type_in,
+    until,
+    write_log,
+)
 
 pytest.importorskip("nicegui", reason="NiceGUI is in the app extra")
 
 
-def marked(page, name):
-    return page.find_element("css selector", f'[data-mark="{name}"]')
-
-
-def there(page, name):
-    return bool(page.find_elements("css selector", f'[data-mark="{name}"]'))
-
-
-def click(page, name):
-    """A click on what may lie below the window's edge."""
-    until(lambda: page.execute_script("arguments[0].click(); return true", marked(page, name)), name)
-
-
-def type_in(page, name, text):
-    from selenium.webdriver.common.keys import Keys
-
-    field = until(lambda: marked(page, name), name)
-    field.send_keys(Keys.CONTROL, "a", Keys.NULL, text, Keys.TAB)
-
-
-def drop(page, log):
-    page.find_element("css selector", "input[type=file]").send_keys(str(log))
-
-
 def shown(page):
     return until(lambda: page.find_elements("css selector", '[data-mark="signals"] .main-svg'), "signals")
-
-
-def idle(page):
-    return until(lambda: not there(page, "cancel"), "the end of all jobs")
 
 
 @pytest.fixture(scope="module")
@@ -60,13 +45,6 @@ def page(served, place):
         driver.get(served.address)
         until(lambda: marked(driver, "fit"), "the page")
         yield driver
-
-
-def severe(page):
-    """What the browser complains of, but for two that mean nothing: the software renderer, and a plot that was just
-    taken away and is told its size."""
-    rows = [row["message"] for row in page.get_log("browser") if row["level"] == "SEVERE"]
-    return [row for row in rows if "WebGL" not in row and "displayed plot div" not in row]
 
 
 def test_from_a_log_to_the_script_that_does_the_same(page, place, served):
@@ -92,7 +70,6 @@ def test_from_a_log_to_the_script_that_does_the_same(page, place, served):
         for order in ("nb", "nf", "nk"):
             type_in(page, f"{structure}-{order}", "1")
     type_in(page, "starts", "1")
-    time.sleep(0.5)
     click(page, "fit")
     until(lambda: there(page, "model-m1") and there(page, "model-m2"), "two models on the board")
     board = marked(page, "board").text
@@ -113,7 +90,7 @@ def test_from_a_log_to_the_script_that_does_the_same(page, place, served):
     key = script.name.partition("-")[0]
     row = marked(page, f"model-{key}").text
     assert all(f"{fit:.1f}" in row for fit in fits), (row, fits)
-    assert f"between(data, {start!r}, {stop!r})" in script.read_text()
+    assert f"Preparation(start={start!r}, stop={stop!r}, " in script.read_text()
     assert not severe(page)
 
 
@@ -123,7 +100,6 @@ def test_a_fit_is_cancelled_and_nothing_of_it_is_left(page, served):
     until(lambda: not there(page, "output_error-nb"))
     type_in(page, "hammerstein-nf", "6")
     type_in(page, "starts", "1000")
-    time.sleep(0.5)
     click(page, "fit")
     until(lambda: there(page, "cancel"), "a job")
     workers = children(served.process.pid)

@@ -19,10 +19,11 @@ from sysid.report.figures import TABLE
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting as Wanted
 from twin.app import tasks
-from twin.app.desk import Desk, script
+from twin.app.desk import Desk
 from twin.app.entries import Data, Model, Prepare, Setting
 from twin.app.figures import name_of, stack_panels, tab_of
 from twin.app.jobs import DONE, FAILED, Jobs
+from twin.app.script import script
 from twin.app.session import Session
 
 LINEAR = {"structure": "output_error", "settings": {"nb": 1, "nf": 1, "nk": 1}, "starts": 1}
@@ -110,12 +111,16 @@ def test_results_and_overlay_show_the_record_on_its_own_levels_and_at_its_own_ti
     figure, runs = desk.figures("models", "m1")["free-run"]["figure"], desk.runs("m1")
     measured, model, *_, volts = figure["data"]
     degrees = 180.0 / np.pi
-    for line, expected in ((measured, data.y[:, 0] * degrees), (volts, data.u[:, 0]), (model, runs.run * degrees)):
+    for line, expected in (
+        (measured, data.y[:, 0] * degrees),
+        (volts, data.u[:, 0]),
+        (model, runs.run[:, 0] * degrees),
+    ):
         x, y = (np.array(line[axis], dtype=float) for axis in ("x", "y"))
         kept = ~np.isnan(y)
         np.testing.assert_allclose(x[kept], 1.0 + data.t, atol=1e-9)
         np.testing.assert_allclose(y[kept], expected, rtol=1e-9, atol=1e-12)
-    np.testing.assert_allclose(runs.y, data.y[:, 0])
+    np.testing.assert_allclose(runs.y, data.y)
     (border,) = (each["x0"] for each in figure["layout"]["shapes"])
     assert border == pytest.approx(runs.border)
     assert {each["x"] for each in figure["layout"]["annotations"] if each["xref"] == "x"} == {border}
@@ -158,10 +163,10 @@ def test_the_script_gives_the_same_fit_to_the_last_bit(desk, tmp_path):
 @pytest.mark.parametrize(
     ("structure", "settings", "call"),
     [
-        ("actuated_joint", {}, "sysid.fit_joint("),
+        ("actuated_joint", {}, "sysid.structures.ActuatedJoint()"),
         ("hammerstein", {"nb": 1, "nf": 1, "nk": 1, "input_map": "saturation"}, "input_map='saturation'"),
         ("nlarx", {}, "sysid.structures.NonlinearArx()"),
-        ("state_space", {}, "sysid.fit("),
+        ("state_space", {}, "sysid.structures.NonlinearStateSpace()"),
     ],
 )
 def test_every_structures_script_is_python_and_names_are_no_code(desk, structure, settings, call):
@@ -169,7 +174,7 @@ def test_every_structures_script_is_python_and_names_are_no_code(desk, structure
     model = model.model_copy(update={"setting": Setting(structure=structure, settings=settings)})
     evil = 'x"""\nimport os; os.abort()\n#'
     data = desk.session.data["d1"].model_copy(update={"name": evil, "input": evil})
-    text = script(model, data, Path("/tmp/log.csv"))
+    text = script(model, data, [Path("/tmp/log.csv")], [], None)
     compile(text, "script", "exec")
     assert call in text
     assert "\nimport os" not in text
@@ -299,13 +304,14 @@ def test_a_step_test_is_fitted_as_a_whole_as_on_the_command_line(tmp_path):
         own.fit("d1", Setting(**LINEAR))
         wait(own)
         refused = next(job.error for job in own.jobs.all if job.error)
-        assert "choose 0.5: where the halves are so too, as in a step test, all is used for the fit" in refused
+        assert refused.startswith("step.csv: with 'estimation part' 0.8 the input moves in one of the two parts alone")
+        assert "leave 'estimation part' out: where the halves are so too, as in a step test, all is used" in refused
         (model,) = own.session.models.values()
         result = identify_file(log, Wanted(Setting(**LINEAR).recipe(), starts=1)).evaluation
         assert model.whole
         assert model.fit_estimation == result.estimation_fit
         assert model.fit_validation is None
-        assert result.notes[0] in model.notes
+        assert result.notes[0].replace("--validation", "'records that judge the model'") in model.notes
         (key,) = own.session.models
         assert len(own.runs(key).t) == 200
         assert name_of(key, model) == f"{key}: {percent(model.fit_estimation)} of the record"

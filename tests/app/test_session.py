@@ -166,18 +166,18 @@ def test_the_second_app_is_told_which_process_has_the_session(session):
 
 
 def test_a_record_with_a_member_that_is_no_array_is_a_sentence(tmp_path):
-    from twin.app import entries
+    from twin.app import samples
 
     with zipfile.ZipFile(tmp_path / "data.npz", "w") as file:
         file.writestr("u.npy", b"NUMPY no more")
         file.writestr("missing.npy", b"NUMPY no more")
-    for load in (entries.load_record, entries.load_runs):
+    for load in (samples.load_record, samples.load_runs):
         with pytest.raises(InputError, match=r"data.npz cannot be read \(one of its members is no array\)"):
             load(tmp_path / "data.npz")
 
 
 def test_a_record_of_another_compression_is_a_sentence(tmp_path):
-    from twin.app import entries
+    from twin.app import samples
 
     np.savez(tmp_path / "data.npz", u=np.zeros(9), y=np.zeros(9))
     raw = bytearray((tmp_path / "data.npz").read_bytes())
@@ -186,4 +186,4 @@ def test_a_record_of_another_compression_is_a_sentence(tmp_path):
         raw[at + place : at + place + 2] = (99).to_bytes(2, "little")
     (tmp_path / "data.npz").write_bytes(raw)
     with pytest.raises(InputError, match=r"data.npz cannot be read .*; add the log"):
-        entries.load_record(tmp_path / "data.npz")
+        samples.load_record(tmp_path / "data.npz")

@@ -12,7 +12,7 @@ import pytest
 
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
-from twin.app import entries
+from twin.app import samples
 from twin.app.desk import Desk
 from twin.app.entries import Data, Model, Prepare, Setting, Study
 from twin.app.jobs import Jobs
@@ -93,7 +93,7 @@ def folder(tmp_path):
 
     def fill_data(path):
         (path / "log.csv").write_text("time_s,u_V,y_rad\n" + "".join(f"{k},{k % 3},{k % 5}\n" for k in range(50)))
-        entries.save_record(IOData(np.arange(9.0) % 4, np.arange(9.0), 0.1), path / "record.npz")
+        samples.save_record(IOData(np.arange(9.0) % 4, np.arange(9.0), 0.1), path / "record.npz")
 
     def fill(path):
         wave = np.arange(9.0)
@@ -180,7 +180,7 @@ def test_a_bad_file_is_a_sentence_soon_and_in_little_memory(folder, kind):
 def test_a_packed_record_that_unpacks_to_a_gigabyte_is_not_unpacked(tmp_path):
     bomb(tmp_path / "record.npz")
     assert (tmp_path / "record.npz").stat().st_size < 2**21
-    for load in (entries.load_record, entries.load_runs):
+    for load in (samples.load_record, samples.load_runs):
         with pytest.raises(InputError, match="larger than 512 MiB"):
             load(tmp_path / "record.npz")
 

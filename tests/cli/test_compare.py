@@ -1,6 +1,7 @@
 """`qpal compare`, `qpal simulate --input-log` and `qpal view --compare`: what they write, and what they refuse."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def late(tmp_path_factory):
     given = Log(given.u, np.zeros(given.N), given.Ts, joint="shoulder")
     (row,) = Trials(twin.Follower(given, "shoulder"), P).rows([{"delay": 0.06}])
     y = row + np.deg2rad(0.1) * np.random.default_rng(0).standard_normal(len(row))
-    path = tmp_path_factory.mktemp("logs") / "late.parquet"
+    path = tmp_path_factory.mktemp("logs") / "a late log.parquet"
     return Log(given.u, y, given.Ts, joint="shoulder").save(path)
 
 
@@ -34,7 +35,10 @@ def test_a_late_log_is_said_to_be_late(late, tmp_path, capsys):
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["verdict"]["first"] == "delay"
     assert "Delay explains" in said
-    assert f"Next: qpal calibrate {late} --joint shoulder --free delay" in said
+    step = f"qpal calibrate '{late}' --joint shoulder --free delay"
+    assert f"Next: {step}" in said
+    assert main([*shlex.split(step)[1:], "--seconds", "1", "--out", str(tmp_path / "next")]) in (0, 1)
+    assert (tmp_path / "next" / "shoulder.toml").exists()
     delay = summary["alignment"]["delay"]
     assert 0.0 < delay["low"] < 0.06 < delay["high"]
     assert summary["alignment"]["applied"] == []

@@ -111,5 +111,5 @@ def test_the_step_of_a_design_reads_the_new_record_as_the_first():
 )
 def test_a_run_is_called_good_by_the_rule_of_identify(percent, is_independent, warnings, said):
     model = SimpleNamespace(estimation=96.0, fit=SimpleNamespace(warnings=warnings))
-    tests = SimpleNamespace(independent=is_independent)
+    tests = SimpleNamespace(white=False, independent=is_independent)
     assert word(SimpleNamespace(next=None, percent=percent, tests=tests, model=model)) == said

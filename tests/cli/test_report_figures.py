@@ -126,7 +126,7 @@ def test_a_step_from_angle_to_angle_is_said_per_degree(log):
     turned = type(e)(**angle)
     caption = figures.TABLE["step-response"].caption(turned)
     said = float(caption.rpartition(" its value is ")[2].split()[0].replace("−", "-"))
-    assert caption.endswith("deg per deg.")
+    assert caption.endswith("deg/deg.")
     assert said == pytest.approx(e.step.y[-1], rel=5e-3)
     line = figures.TABLE["step-response"].draw(turned)[0].lines[0]
     np.testing.assert_allclose(line.get_ydata(), e.step.y)

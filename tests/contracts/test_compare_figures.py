@@ -74,7 +74,8 @@ def test_one_reading_far_off_is_said_with_its_time_and_what_to_do():
     structured = verdict(SHARES, True, left=Remainder(0.02, white=False, uneven=()))
     _, outlier, following = compare.sentences(comparison(structured, error), "log.csv")
     assert outlier.startswith("One sample, at 15 s, is 30")
-    assert following.startswith("Next: put the mean of both neighbours in place of it in log.csv")
+    assert following.startswith("Next: put the mean of both neighbours in place of it in the log, and compare again: ")
+    assert following.endswith(f": qpal compare log.csv --joint {comparison(structured, error).joint}")
 
 
 def test_the_caption_names_the_longest_bar_too():

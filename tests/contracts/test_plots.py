@@ -46,7 +46,7 @@ def test_responses_show_the_band_and_the_units(case):
     band = responses.step(info)
     axes = plots.step(band, y_unit="rad", u_unit="V")
     assert axes.get_xlabel() == "time after the step [s]"
-    assert axes.get_ylabel() == "output [deg per V]"
+    assert axes.get_ylabel() == "output [deg/V]"
     np.testing.assert_allclose(axes.lines[0].get_ydata(), np.degrees(band.value))
     assert shaded(axes) == pytest.approx(np.degrees((band.lower.min(), band.upper.max())))
     assert "95 %" in axes.get_legend().get_texts()[1].get_text()
@@ -245,10 +245,10 @@ def test_a_response_of_an_angle_to_an_angle_has_the_same_number_in_degrees(case)
     band = responses.step(case[2])
     axes = plots.step(band, y_unit="rad", u_unit="rad")
     np.testing.assert_allclose(axes.lines[0].get_ydata(), band.value)
-    assert axes.get_ylabel() == "output [deg per deg]"
+    assert axes.get_ylabel() == "output [deg/deg]"
     per_degree = plots.step(band, y_unit="V", u_unit="rad", y_name="level")
     np.testing.assert_allclose(per_degree.lines[0].get_ydata(), band.value * np.pi / 180)
-    assert per_degree.get_ylabel() == "level [V per deg]"
+    assert per_degree.get_ylabel() == "level [V/deg]"
 
 
 def test_roots_without_intervals_have_no_regions_and_far_ones_are_counted():
@@ -341,6 +341,6 @@ def test_steady_state_and_gain_are_shown_in_degrees(case):
     magnitude, phase = plots.bode(response, y_unit="rad", u_unit="V")
     np.testing.assert_allclose(magnitude.lines[0].get_ydata(), np.degrees(response.magnitude.value))
     np.testing.assert_allclose(phase.lines[0].get_ydata(), response.phase.value)
-    assert magnitude.get_ylabel() == "magnitude [deg per V]"
+    assert magnitude.get_ylabel() == "magnitude [deg/V]"
     (output,) = (c for c in curves.curves(case[2]) if c.role == "output")
     np.testing.assert_allclose(plots.static_curve(output).lines[0].get_ydata(), np.degrees(output.band.value))

@@ -13,12 +13,16 @@ from sysid.base.quantities import display_quantity
 from sysid.channels.conversion import convert
 from sysid.estimation.origin import Origin
 from sysid.formats import unit_in
+from sysid.joint.values import displayed_value
 from sysid.plots.responses import step_figure
+from sysid.report.figures import TABLE
+from sysid.report.identify_answer import values
 from sysid.report.verdict import too_narrow
 from sysid.structures import ProcessModel, process
 from sysid.uncertainty import bands
 from sysid.uncertainty.intervals import Band
 from sysid.workflow.evaluation import evaluate
+from sysid.workflow.identification import identify_file
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Setting
 from twin.cli import main
@@ -103,7 +107,7 @@ def test_gains_of_a_log_in_per_cent_are_those_of_its_columns(tmp_path: Path, mon
 def test_a_step_is_drawn_for_one_per_cent():
     x, response = np.array([0.0, 1.0]), np.array([0.0, 60.0])  # degC for each 1
     panel = step_figure(Band.bare(x, response), "degC", "share", "temperature").panels[0]
-    assert panel.y.unit == "degC per %"
+    assert panel.y.unit == "degC/%"
     np.testing.assert_allclose(panel.items[0].y, [0.0, 0.6])
 
 
@@ -147,3 +151,21 @@ def test_an_output_that_becomes_smaller_is_no_model_that_becomes_worse(noise: fl
     evaluation = evaluate(Setting(ProcessModel("P1"), starts=1), data.select(0, N // 2), data.select(N // 2, N))
     assert evaluation.estimation_fit > evaluation.validation_fit + 3.0
     assert bool(too_narrow(evaluation)) == narrow
+
+
+def test_a_gain_has_one_unit_wherever_it_is_shown(tmp_path):
+    """In the table of values, in the first screen, on the axis of the step response and in its caption."""
+    rng, Ts = np.random.default_rng(5), 0.5
+    u = np.repeat(rng.uniform(20.0, 80.0, 20), 40)
+    y = 20.0 + lfilter([0.0, 0.0, 2.0 * (1.0 - np.exp(-Ts / 8.0))], [1.0, -np.exp(-Ts / 8.0)], u)
+    table = np.column_stack([Ts * np.arange(len(u)), u, y + 0.1 * rng.normal(size=len(u))])
+    np.savetxt(tmp_path / "oven.csv", table, delimiter=",", header="time [s],power [%],temperature [degC]", comments="")
+    setting = Setting(ProcessModel("P1D"), starts=1)
+    result = identify_file(tmp_path / "oven.csv", setting, "power [%]", "temperature [degC]")
+    e = result.evaluation
+    (gain,) = (displayed_value(v) for v in e.values if v.name == "gain")
+    step, caption = TABLE["step-response"].figure(e), TABLE["step-response"].caption(e)
+    assert gain.unit == step.panels[0].y.unit == "degC/%"
+    assert gain.value == pytest.approx(2.0, rel=0.01)
+    assert caption.endswith("degC/%.")
+    assert any("degC/%" in row for row in values(e).rows)

@@ -113,7 +113,7 @@ def test_residuals_parameters_and_modes(names):
 
 def test_bode_with_its_band(names):
     magnitude, phase = names[14]["figure"].axes
-    assert magnitude.get_ylabel() == "magnitude [deg per V]"
+    assert magnitude.get_ylabel() == "magnitude [deg/V]"
     assert phase.get_ylabel() == "phase [deg]"
     assert all(len(ax.collections) == 1 for ax in (magnitude, phase))
 

@@ -14,7 +14,8 @@ from fuzz.runner import WrongError, sentence
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from twin.app.desk import Desk
-from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin, save_record
+from twin.app.entries import Data, Finding, Model, Prepare, Setting, Study, Twin
+from twin.app.samples import save_record
 from twin.app.session import Session
 
 SETTING = Setting(structure="output_error", settings={"nb": 1, "nf": 1, "nk": 1})

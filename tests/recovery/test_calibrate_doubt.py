@@ -83,7 +83,7 @@ def test_the_first_sentence_says_what_not_to_use():
     [
         ((SURE,), True, (60.0, 95.0), "good", f"{EVERY}."),
         ((SURE,), False, (60.0, 95.0), "usable", f"{EVERY}; no log was held out"),
-        ((SURE,), True, (60.0, 70.0), "usable", f"{EVERY}."),
+        ((SURE,), True, (60.0, 70.0), "poor", "The twin follows log to 70.00 % only: it lacks something"),
         ((SURE,), True, (95.0, 90.0), "poor", "On log, which was held out, the twin is worse than before"),
         ((SURE, WIDE), True, (60.0, 95.0), "usable", "Not determined: coulomb; do not use the file for it."),
         ((WIDE,), True, (60.0, 95.0), "poor", "These logs determine none of the parameters: do not use the file."),
@@ -92,6 +92,7 @@ def test_the_first_sentence_says_what_not_to_use():
 def test_the_first_screen_has_the_word_of_the_rules(values, held_out, fits, word, sentence):
     made = result(*values)
     made.scores = (Score("log", held_out, 0.1, 0.1, *fits),)
+    made.runs = (SimpleNamespace(name="log", held_out=held_out, tests=None),)
     assert calibrate_answer.word(made) == word
     assert calibrate_answer.sentence(made).startswith(sentence)
     if sentence.startswith(EVERY):

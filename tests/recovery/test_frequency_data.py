@@ -307,3 +307,88 @@ def test_a_response_by_the_command_line(tmp_path, monkeypatch, capsys):
     assert main([*identify, "process", "--kind", "P2D", "--fix", "plant.Td=0.7"]) == 0
     fixed = {row["name"]: row["value"] for row in json.loads(capsys.readouterr().out)["values"]}
     assert fixed["delay"] == 0.7
+
+
+HZ, DB, DEG = W / 2 / np.pi, 20 * np.log10(abs(TRUE)), np.degrees(np.angle(TRUE))
+ORDER = np.random.default_rng(0).permutation(len(W))
+
+
+def ltspice(form, values, encoding="utf-8"):
+    rows = (form.format(f, *pair) for f, *pair in zip(HZ, *values, strict=True))
+    return ("Freq.\tV(out)\n" + "\n".join(rows) + "\n").encode(encoding)
+
+
+POLAR, CARTESIAN = "{:.14e}\t({:.14e}dB,{:.14e}°)", "{:.14e}\t{:.14e},{:.14e}"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        ltspice(POLAR, (DB, DEG)),
+        ltspice(POLAR, (DB, DEG), "latin-1"),
+        ltspice(CARTESIAN, (TRUE.real, TRUE.imag)),
+    ],
+    ids=["polar", "polar, latin-1", "cartesian"],
+)
+def test_the_text_export_of_a_circuit_simulator_is_read(tmp_path, content):
+    from sysid.workflow.frequency import read_frequency
+
+    (tmp_path / "filter.txt").write_bytes(content)
+    data = read_frequency(tmp_path / "filter.txt")
+    np.testing.assert_allclose(data.w, W, rtol=1e-9)
+    np.testing.assert_allclose(data.response, TRUE, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "columns"),
+    [
+        ("Frequency (Hz),Trace 1: Gain: Magnitude (dB),Trace 1: Gain: Phase (°)", (HZ, DB, DEG)),
+        ("Frequency (Hz),Trace 1: Gain: Real,Trace 1: Gain: Imag", (HZ, TRUE.real, TRUE.imag)),
+        ("frequency [Hz],magnitude [dB],phase [deg]", (HZ[ORDER], DB[ORDER], DEG[ORDER])),
+        ("w [rad/s],re,im", (W[ORDER], TRUE.real[ORDER], TRUE.imag[ORDER])),
+    ],
+    ids=["analyser", "analyser, complex", "shuffled", "shuffled, complex"],
+)
+def test_an_analysers_names_and_rows_in_any_order_are_read(tmp_path, head, columns):
+    from sysid.workflow.frequency import read_frequency
+
+    write(tmp_path / "frd.csv", head, *columns)
+    data = read_frequency(tmp_path / "frd.csv")
+    np.testing.assert_allclose(data.w, W, rtol=1e-9)
+    np.testing.assert_allclose(data.response, TRUE, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("head", "columns", "said"),
+    [
+        ("f,mag,phase", (HZ, abs(TRUE), DEG), "column 'f' has no unit; write it behind the name, [Hz] or [rad/s]"),
+        ("freq,mag,phase", (HZ[ORDER], abs(TRUE)[ORDER], DEG[ORDER]), "column 'freq' has no unit"),
+        ("w,re,im", (W, TRUE.real, TRUE.imag), "column 'w' has no unit"),
+        ("f [Hz],mag [dB],phase [deg]", [np.r_[x, x] for x in (HZ, DB, DEG)], "frequencies stand there twice"),
+    ],
+)
+def test_a_response_without_a_unit_is_told_what_was_found(tmp_path, capsys, head, columns, said):
+    write(tmp_path / "frd.csv", head, *columns)
+    assert main(["identify", str(tmp_path / "frd.csv")]) == 2
+    told = capsys.readouterr().err
+    assert "seems to be a frequency response" in told
+    assert said in told
+    assert "no sampling time" not in told
+
+
+def test_a_run_up_over_time_is_no_response_and_is_read_as_a_record(tmp_path, capsys, monkeypatch):
+    """The speed of a motor rises; its current is the input, and the remedy that the sentence names reads it."""
+    monkeypatch.chdir(tmp_path)
+    t = 0.01 * np.arange(400)
+    current = 5.0 * np.exp(-t / 0.8) + 0.2 * np.random.default_rng(2).random(400)
+    speed = np.cumsum(current)
+    write("up.csv", "omega [rad/s],magnitude [A],phase [rad]", speed, current, np.mod(0.01 * np.cumsum(speed), 6.28))
+    assert main(["identify", "up.csv"]) == 2
+    told = capsys.readouterr().err
+    assert "'magnitude [A]' is in A" in told
+    assert "where its rows are samples in time instead, name --input and --output, and give --ts SECONDS" in told
+    columns = ["--input", "magnitude [A]", "--output", "omega [rad/s]", "--ts", "0.01"]
+    setting = ["--structure", "output_error", "--orders", "1,1,1", "--starts", "1", "--trials", "0"]
+    assert main(["info", "up.csv", *columns, "--out", "seen"]) == 0
+    assert main(["identify", "up.csv", *columns, *setting, "--out", "out"]) == 0
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["read"]["Ts"] == 0.01

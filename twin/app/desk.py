@@ -5,8 +5,7 @@ Records and models are in the session, work is in jobs; what a job has made is t
 
 import re
 import shutil
-from collections.abc import Iterable
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,13 @@ from sysid.base.files import read_limited
 from sysid.data.record import IOData
 from sysid.formats import TABLE as FORMATS
 from twin.app import stored
-from twin.app.entries import MOST, Data, Finding, Model, Prepare, Runs, Setting, Study, Twin, load_record, load_runs
+from twin.app.entries import AUTO, MOST, Data, Finding, Model, Prepare, Setting, Step, Study, Twin
 from twin.app.jobs import Job, Jobs
 from twin.app.rig import Rig
+from twin.app.samples import Runs, load_record, load_runs
+from twin.app.script import script
 from twin.app.session import Session
+from twin.app.undo import History
 from twin.parameters import JOINTS
 from twin.rig.journal import recover
 
@@ -41,6 +43,7 @@ class Desk:
     def __init__(self, session: Session, jobs: Jobs | None = None) -> None:
         self.session = session
         self.jobs = jobs or Jobs()
+        self.history = History()
         self._records: dict[str, tuple[float, IOData]] = {}
         self.rig = Rig(session.folder, self.keep_run)
         logs = session.folder / "rig"
@@ -124,14 +127,21 @@ class Desk:
     def choose_columns(
         self, key: str, input: str | None, output: str | None, time: str | None, Ts: float | None
     ) -> Job:
-        """Read a log again by these columns; raises InputError for columns that it lacks."""
+        """Read a log again by these columns, "a,b" for two; raises InputError for columns that it lacks."""
         self.session.log(key)  # raises InputError for a record that was removed meanwhile
-        columns = self.session.data[key].columns
-        for column in (input, output, time):
-            if column is not None and column not in columns:
-                raise InputError(f"the log has no column {column!r}; it has {', '.join(columns)}")
-        self.session.change_data(key, input=input, output=output, time=time, Ts=Ts, problem="")
-        return self.read(key)
+        entry = self.session.data[key]
+        for column in (*several(input, entry.columns), *several(output, entry.columns), *several(time, entry.columns)):
+            if column not in entry.columns:
+                raise InputError(f"the log has no column {column!r}; it has {', '.join(entry.columns)}")
+        previous = {"input": entry.input, "output": entry.output, "time": entry.time, "Ts": entry.Ts}
+
+        def read(**columns: Any) -> Job:
+            self.session.change_data(key, **columns, problem="")
+            return self.read(key)
+
+        job = read(input=input, output=output, time=time, Ts=Ts)
+        self.history.add(f"the columns of {key}", lambda: read(**previous))
+        return job
 
     def prepare(self, key: str, **fields: Any) -> None:
         """Set what is done to a record before a fit; raises InputError, and changes nothing, if it cannot be done."""
@@ -142,6 +152,9 @@ class Desk:
             return
         steps.preparation().apply(self.record(key))
         self.session.change_data(key, prepare=steps, advice=None)
+        self.history.add(
+            f"the preparation of {key}", lambda: self.session.change_data(key, prepare=previous, advice=None)
+        )
 
     def advise(self, key: str) -> Job:
         """Advice on a record as it is prepared."""
@@ -158,12 +171,18 @@ class Desk:
         """A setting from what a form holds; raises InputError for what is out of its limits."""
         return Setting.from_form(fields)
 
-    def fit(self, key: str, setting: Setting) -> Job:
-        """Fit a structure to a record; raises InputError for settings that give no model."""
-        recipe = setting.recipe()
-        self._readable(key)
+    def fit(self, key: str, setting: Setting, further: Sequence[str] = (), validation: Sequence[str] = ()) -> Job:
+        """Fit a structure to a record, or search for one; raises InputError for settings that give no model.
+
+        Records in `further` are experiments of the same fit, those in `validation` judge it.
+        """
+        title = setting.title()
+        for other in (key, *further, *validation):
+            self._readable(other)
+        self._check_alike(key, (*further, *validation))
         self.session.change(setting=setting)
-        request = {**self._request("fit", key), "setting": setting.model_dump(mode="json"), "name": str(recipe)}
+        request = self._request_of("fit", key, further, validation)
+        request |= {"setting": setting.model_dump(mode="json"), "start": self._start(setting.start)}
         model_keys: list[str] = []
 
         def hear(job: Job, answer: dict[str, Any]) -> None:
@@ -173,21 +192,61 @@ class Desk:
             elif "report" in answer and model_keys:
                 self.session.add_file("models", model_keys[0], job.out / "report.html")
 
-        return self.jobs.submit(str(recipe), request, hear, key)
+        return self.jobs.submit(title, request, hear, key)
 
-    def study(self, key: str, kind: str, joint: str) -> Job:
-        """Put a record beside the twin ("compare"), or fit the twin to it ("calibrate")."""
+    def take_step(self, key: str, step: Step) -> Job:
+        """Fit as a step after the model `key` says, to the records and with the preparation of that model."""
+        self.session.file("models", key, "")  # raises InputError for a model that was removed meanwhile
+        model, setting = self.session.models[key], step.setting
+        if setting is None:
+            raise InputError(f"{step.why}; no fit does this")
+        detrend = model.prepare.detrend
+        if detrend == "linear" if setting.structure == AUTO else setting.recipe().zero:
+            detrend = None  # it takes absolute signals
+        self.prepare(model.data, **{**model.prepare.model_dump(), "detrend": detrend})
+        self.session.change(shown=model.data)
+        return self.fit(model.data, setting, model.further, model.validation)
+
+    def refine(self, model: str, key: str) -> Job:
+        """Fit a model of the session to a record once more, from the values that it has."""
+        self._start(model)  # raises InputError for a model that was removed meanwhile
+        fields = {"start": model, "fixed": {}, "bounds": {}}
+        return self.fit(key, self.session.models[model].setting.model_copy(update=fields))
+
+    def study(self, key: str, kind: str, joint: str, further: Sequence[str] = ()) -> Job:
+        """Put a record beside the twin ("compare"), or fit the twin to it and to `further` ones ("calibrate")."""
         if joint not in JOINTS:
             raise InputError(f"joint is {joint or 'not named'}; choose one of {', '.join(JOINTS)}")
-        self._readable(key)
-
-        def hear(job: Job, answer: dict[str, Any]) -> None:
-            if "ready" in answer:
-                entry = Study.model_validate(answer["ready"])
-                self.session.add(entry, lambda folder: _move_files(job.out, folder))
-
+        for other in (key, *further):
+            self._readable(other)
         words = {"compare": "beside the twin", "calibrate": "calibrating the twin"}
-        return self.jobs.submit(f"{joint} {words[kind]}", {**self._request(kind, key), "joint": joint}, hear, key)
+        request = {**self._request_of(kind, key, further), "joint": joint}
+        return self.jobs.submit(f"{joint} {words[kind]}", request, self._hear_study, key)
+
+    def run(self, key: str, model: str, horizon: int | None = None) -> Job:
+        """Run a model of the session on a record, and predict `horizon` samples ahead if that is given."""
+        self._readable(key)
+        request = {**self._request("run", key), "start": self._start(model), "model": model, "horizon": horizon}
+        return self.jobs.submit(f"{model} on {key}", request, self._hear_study, key)
+
+    def _hear_study(self, job: Job, answer: dict[str, Any]) -> None:
+        if "ready" in answer:
+            entry = Study.model_validate(answer["ready"])
+            self.session.add(entry, lambda folder: _move_files(job.out, folder))
+
+    def _start(self, model: str | None) -> str | None:
+        """The file of a saved model; raises InputError for one that is not there."""
+        return None if model is None else str(self.session.file("models", model, "model.json"))
+
+    def _check_alike(self, key: str, others: Sequence[str]) -> None:
+        """Raises InputError for records that are read by other columns, since one choice counts for all of a fit."""
+        first = self.session.data[key]
+        for other in others:
+            entry = self.session.data[other]
+            if any(getattr(entry, name) != getattr(first, name) for name in ("input", "output", "time", "Ts")):
+                raise InputError(
+                    f"{other} is read by other columns than {key}; choose the same ones for both under Columns"
+                )
 
     def record(self, key: str) -> IOData:
         """The record as it was read; raises InputError where it was not."""
@@ -206,9 +265,9 @@ class Desk:
         return load_runs(self.session.file("models", key, "runs.npz"))
 
     def overlaid(self, ticks: Iterable[str], key: str | None) -> tuple[list[str], list[str]]:
-        """Of the ticked models those of the record `key`, and those of other records."""
+        """Of the ticked models those of the record `key` alone, and those of other records, or of several."""
         models = [model for model in self.session.models if model in set(ticks)]
-        same_record = [model for model in models if self.session.models[model].data == key]
+        same_record = [model for model in models if self.session.models[model].records == (key,)]
         return same_record, [model for model in models if model not in same_record]
 
     def figures(self, kind: str, key: str) -> dict[str, Any]:
@@ -228,7 +287,7 @@ class Desk:
             name: words
             for name, words in file_names.items()
             if self.session.has(kind, key, name)
-            or (name == "script.py" and self.session.models[key].data in self.session.data)
+            or (name == "script.py" and set(self.session.models[key].records) <= set(self.session.data))
         }
 
     def content(self, kind: str, key: str, name: str) -> bytes:
@@ -237,7 +296,12 @@ class Desk:
             raise InputError("there is no such file in this session")
         if name == "script.py":
             model = self.session.models[key]
-            text = script(model, self.session.data[model.data], self.session.log(model.data))
+            logs, judges = (
+                [self.session.log(record) for record in records]
+                for records in ((model.data, *model.further), model.validation)
+            )
+            start = self._start(model.setting.start)
+            text = script(model, self.session.data[model.data], logs, judges, Path(start) if start else None)
             return text.encode("utf-8")
         content = read_limited(self.session.file(kind, key, name), MOST)
         return stored.report(content) if name == "report.html" else content
@@ -246,9 +310,17 @@ class Desk:
         """Delete a record, a model or a study; a record's jobs end, and its models stay."""
         for job in [job for job in self.jobs.all if job.subject == key]:
             self.jobs.cancel(job)
+        shown = self.session.head.shown
         self.session.remove(kind, key)
-        if self.session.head.shown == key:
+        if shown == key:
             self.session.change(shown=next(reversed(self.session.data), None))
+
+        def restore() -> None:
+            self.session.restore(kind, key)
+            if shown == key:
+                self.session.change(shown=key)
+
+        self.history.add(f"the deletion of {key}", restore)
 
     def _readable(self, key: str) -> Path:
         path = self.session.file("data", key, "record.npz")
@@ -261,6 +333,26 @@ class Desk:
     def _request(self, task: str, key: str) -> dict[str, Any]:
         entry = self.session.data[key].model_dump(mode="json")
         return {"task": task, "key": key, "data": entry, "log": str(self.session.log(key))}
+
+    def _request_of(
+        self, task: str, key: str, further: Sequence[str] = (), validation: Sequence[str] = ()
+    ) -> dict[str, Any]:
+        """The request of a task on several records: their logs in order, those that judge, and the name of each."""
+        logs = {other: str(self.session.log(other)) for other in (key, *further, *validation)}
+        return {
+            **self._request(task, key),
+            "further": list(further),
+            "validation": list(validation),
+            "entries": [self.session.data[other].model_dump(mode="json") for other in further],
+            "logs": [logs[other] for other in (key, *further)],
+            "judges": [logs[other] for other in validation],
+            "names": {path: self.session.data[other].name for other, path in logs.items()},
+        }
+
+
+def several(text: str | None, columns: Sequence[str]) -> tuple[str, ...]:
+    """The columns that a text names: one, whose name may hold commas, or several with commas between them."""
+    return () if text is None else (text,) if text in columns else tuple(part.strip() for part in text.split(","))
 
 
 def display_name(name: str) -> str:
@@ -285,53 +377,3 @@ def _move_files(source: Path, folder: Path) -> None:
     for file in source.iterdir():
         if file.is_file() and file.name != "stderr.txt":
             shutil.move(file, folder / file.name)
-
-
-def script(model: Model, data: Data, log: Path) -> str:
-    """The script of a model that was fitted to the record `data`, whose log is at `log`.
-
-    Names from files and people stand in it as Python literals alone, so that none of them is code. Raises InputError
-    for settings that give no model.
-    """
-    recipe = model.setting.recipe()
-    steps = model.prepare.preparation()
-    steps = replace(steps, detrend=recipe.detrend(steps.detrend))
-    selection = {"input": data.input, "output": data.output, "Ts": data.Ts, "time": data.time}
-    columns = "".join(f", {name}={value!r}" for name, value in selection.items() if value is not None)
-    settings = ", ".join(f"{name}={value!r}" for name, value in model.setting.settings.items())
-    wraps = ["from sysid.workflow.record import without_wraps"] if recipe.zero else []
-    search = recipe.auto
-    options = f"search={search!r}, starts={model.setting.starts}, seed={model.setting.seed}"
-    call = f"sysid.fit(recipe.model_of(estimation), estimation, {options})"
-    if recipe.with_parts:
-        call = f"sysid.fit_joint(estimation, recipe.model_of(estimation), {options}).fit"
-    predicts = model.setting.structure in ("armax", "arx", "bj", "nlarx")  # their criteria are not those of a free run
-    initial_samples, start = ("None", "fit.n_init") if predicts else ("estimation.N", "0")
-    lines = [
-        '"""A model that was fitted in qpal app, fitted again: python THIS_FILE [LOG]"""',
-        "",
-        "import sys",
-        "",
-        "import numpy as np",
-        "",
-        "import sysid",
-        "from sysid.base.criteria import fit_percent",
-        *wraps,
-        "from sysid.workflow.record import read_record",
-        "",
-        f"log = sys.argv[1] if len(sys.argv) > 1 else {str(log)!r}  # it was added as {data.name!r}",
-        f"record = read_record(log{columns})",
-        *(["record = without_wraps(record)  # an angle that counts on over a turn"] if recipe.zero else []),
-        "data = record.data",
-        *steps.code("data"),
-        "estimation = data" if model.whole else f"estimation, validation = data.split({model.setting.split!r})",
-        f"recipe = sysid.structures.{type(recipe).__name__}({settings})",
-        f"fit = {call}",
-        "",
-        f"run = np.ravel(fit.simulate(estimation, {initial_samples}))",
-        f'print("fit on the estimation data:", repr(fit_percent(estimation.y[{start}:, 0], run[{start}:])), "%")',
-        *(() if model.whole else ['print("fit on the validation data:", repr(fit.fit_percent(validation)), "%")']),
-        'print(*(f"{name}: {value:.6g}" for name, value in fit.criteria.as_dict().items()), sep="\\n")',
-        "",
-    ]
-    return "\n".join(lines)

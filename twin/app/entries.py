@@ -1,25 +1,21 @@
-"""What a session's files hold: entries, records and free runs.
-
-Entries are checked field by field on opening; a field that is not known is an error. Records and free runs are files
-that a page opens at once, without reading a log again.
-"""
+"""What a session's files hold: entries, which are checked field by field on opening; an unknown field is an error."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
-from zipfile import ZipFile
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError, model_validator
 
 from sysid.base.errors import InputError, readable_values
-from sysid.base.files import atomic_file, check_regular_file
 from sysid.data.preparation import Preparation
-from sysid.data.record import IOData
 from sysid.formats import TABLE
 from sysid.structures import TABLE as STRUCTURES
 from sysid.structures import Recipe
+
+if TYPE_CHECKING:
+    from sysid.workflow.setting import Setting as FitSetting
+    from sysid.workflow.sources import Auto
 
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Number = FiniteFloat
@@ -27,13 +23,14 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 DATA_ID = r"^d[1-9][0-9]{0,5}$"
 MODEL_ID = r"^m[1-9][0-9]{0,5}$"
 STUDY_ID = r"^s[1-9][0-9]{0,5}$"
+DataId = Annotated[str, Field(pattern=DATA_ID)]
 LOG = "log"  # name of a record's file in its folder, in front of the suffix
 LARGEST = 512 * 2**20  # [byte] of a request: a log of some million samples as text
 SMALL = 4 * 2**20  # [byte] of an entry: 500 columns of 100 letters, and a note for each
 MOST = 64 * 2**20  # [byte] of a model's file: a report with plotly is 8 MiB, a table of a network's weights less
-WORD = 200  # letters of a name in a record
+AUTO = "auto"  # in place of a structure: the search for one
+SEARCHED = 110.0  # [s] of that search, as `sysid.selection.table.SECONDS`, whose import takes seconds
 COLUMNS = ("input", "output", "time", "columns")  # of a record: they must stay the names of its file
-FIELDS = ("u_name", "y_name", "u_unit", "y_unit")  # of a record, kept as texts
 
 
 class Entry(BaseModel):
@@ -122,13 +119,21 @@ class Data(Entry):
 
 
 class Setting(Entry):
-    """A structure with its settings and how it is fitted."""
+    """A structure with its settings and how it is fitted, or `AUTO` for the search of one within `seconds`.
+
+    `fixed` are values of parameters and `bounds` their ends, None for an open one; `start` is the model of the session
+    from which the search begins.
+    """
 
     structure: Annotated[str, Field(max_length=40)] = "hammerstein_wiener"
     settings: dict[str, int | float | str | None] = {}
     starts: Annotated[int, Field(ge=1, le=1000)] = 5
     seed: Annotated[int, Field(ge=0)] = 0
     split: Annotated[float, Field(gt=0, lt=1)] = 0.5
+    seconds: Annotated[Positive, Field(le=86400)] = SEARCHED
+    fixed: dict[Name, Number] = {}
+    bounds: dict[Name, tuple[Number | None, Number | None]] = {}
+    start: Annotated[str, Field(pattern=MODEL_ID)] | None = None
 
     def recipe(self) -> Recipe:
         """The recipe; raises InputError for a structure or a setting that does not exist."""
@@ -140,18 +145,59 @@ class Setting(Entry):
                 raise InputError(f"{self.structure} has no setting {name!r}; it has {', '.join(kind.options())}")
         return kind(**self.settings)
 
+    def title(self) -> str:
+        """The structure with its settings; raises InputError as `recipe` does."""
+        return "search for a structure" if self.structure == AUTO else str(self.recipe())
+
+    def wanted(self, start: Path | None = None) -> "FitSetting | Auto":
+        """What `sysid.workflow.identification.identify_file` fits; `start` is the saved model of `self.start`."""
+        from sysid.workflow.setting import Held, read_start
+        from sysid.workflow.setting import Setting as FitSetting
+        from sysid.workflow.sources import Auto
+
+        if self.structure == AUTO:
+            return Auto(starts=self.starts, seed=self.seed, seconds=self.seconds)
+        ends = {
+            name: (-np.inf if low is None else low, np.inf if high is None else high)
+            for name, (low, high) in self.bounds.items()
+        }
+        fit = None if start is None else read_start(str(start))
+        held = Held(tuple(self.fixed.items()), tuple(ends.items()), fit, start)
+        return FitSetting(self.recipe(), starts=1 if fit else self.starts, seed=self.seed, held=held)
+
+
+class Step(Entry):
+    """What to do after a fit: `why`, and where the app can do it, `words` for it with what it brings, and the fit."""
+
+    why: str
+    words: str = ""
+    setting: Setting | None = None
+
+
+class Verdict(Entry):
+    """The first screen of a result: a large number, what it is of, one word and one sentence."""
+
+    number: str = ""
+    of: str = ""
+    word: Literal["good", "usable", "poor"] | None = None
+    sentence: str = ""
+
 
 class Model(Entry):
     """A fitted model: the record and the settings that gave it, and what the board shows.
 
     A fit [%] is None where the free run left every bound. `joint` says whether MJCF has elements for it, `whole` that
-    all of the record was fitted and there is no fit to unseen data.
+    all of the record was fitted and there is no fit to unseen data. `further` are records of the same fit beside
+    `data`, `validation` those that judge it. `asked` is AUTO where a search chose the structure of `setting`.
     """
 
     name: Name
-    data: Annotated[str, Field(pattern=DATA_ID)]
+    data: DataId
+    further: tuple[DataId, ...] = ()
+    validation: tuple[DataId, ...] = ()
     prepare: Prepare
     setting: Setting
+    asked: str = ""
     fit_estimation: Number | None
     fit_validation: Number | None
     d: int
@@ -160,15 +206,24 @@ class Model(Entry):
     converged: bool
     joint: bool = False
     whole: bool = False
+    verdict: Verdict = Verdict()
+    steps: tuple[Step, ...] = ()
     notes: tuple[str, ...] = ()
+
+    @property
+    def records(self) -> tuple[str, ...]:
+        """The records of the fit and of its validation, in this order."""
+        return (self.data, *self.further, *self.validation)
 
 
 class Study(Entry):
-    """A record beside the twin, or the twin's parameters from a record."""
+    """A record beside the twin, the twin's parameters from records, or a `model` on a record (kind "run")."""
 
-    kind: Literal["compare", "calibrate"]
-    data: Annotated[str, Field(pattern=DATA_ID)]
-    joint: Literal["shoulder", "thigh", "shank"]
+    kind: Literal["compare", "calibrate", "run"]
+    data: DataId
+    joint: Literal["", "shoulder", "thigh", "shank"] = ""
+    model: str = ""
+    verdict: Verdict = Verdict()
     sentences: tuple[str, ...] = ()
     seconds: float = 0.0
 
@@ -190,85 +245,3 @@ def complaint(error: ValidationError) -> str:
     value = first.get("input")
     text = "" if isinstance(value, (dict, list)) else f" is {str(value)[:60]!r}"
     return f"{place}{text}: {first['msg'][0].lower()}{first['msg'][1:]}"
-
-
-@dataclass(frozen=True)
-class Runs:
-    """What a model gives under the input that it was fitted and validated with.
-
-    t [s] from the start of the log, measured y and free run (N,) on the scale of the log, and the time `border` [s]
-    at which validation begins.
-    """
-
-    t: np.ndarray
-    y: np.ndarray
-    run: np.ndarray
-    border: float
-    name: str
-    unit: str
-
-
-def save_record(data: IOData, path: Path) -> None:
-    """Write a record of one input and one output."""
-    missing = np.zeros(0, dtype=bool) if data.missing is None else data.missing
-    words = {name: np.array(str(getattr(data, name))) for name in FIELDS}
-    _write(path, u=data.u, y=data.y, Ts=np.array(data.Ts), missing=missing, **words)
-
-
-def load_record(path: Path) -> IOData:
-    """Read what `save_record` wrote; raises InputError for a file that is missing or damaged."""
-    arrays = _read(path)
-    try:
-        missing = arrays["missing"] if arrays["missing"].size else None
-        words: dict[str, Any] = {name: str(arrays[name])[:WORD] for name in FIELDS}
-        return IOData(arrays["u"], arrays["y"], float(arrays["Ts"]), missing=missing, **words)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path.name} is damaged ({error}); add the log again") from None
-
-
-def save_runs(evaluation: Any, start: float, path: Path) -> None:
-    """Write the free runs of an evaluation whose record begins `start` [s] after that of the log."""
-    estimation, parts = evaluation.estimation, [(evaluation.estimation, evaluation.estimation_output)]
-    parts += [(evaluation.validation, evaluation.validation_output)] if evaluation.unseen else []
-    offset = estimation.y_offset[0]
-    y = np.concatenate([np.where(part.observed[:, 0], part.y[:, 0], np.nan) for part, _ in parts]) + offset
-    run = np.concatenate([np.ravel(output) for _, output in parts]) + offset
-    t = start + np.arange(len(y)) * estimation.Ts
-    words = {"name": np.array(estimation.y_name), "unit": np.array(estimation.y_unit)}
-    _write(path, t=t, y=y, run=run, border=np.array(start + (estimation.N - 0.5) * estimation.Ts), **words)
-
-
-def load_runs(path: Path) -> Runs:
-    """Read what `save_runs` wrote; raises InputError for a file that is missing or damaged."""
-    arrays = _read(path)
-    try:
-        t, y, run = (np.asarray(arrays[name], dtype=float) for name in ("t", "y", "run"))
-        if not (t.ndim == 1 and t.shape == y.shape == run.shape):
-            raise ValueError("the signals differ in length")
-        if not (np.isfinite(t).all() and np.isfinite(y).any()):
-            raise ValueError("the signals have no samples")
-        name, unit = (str(arrays[word])[:WORD] for word in ("name", "unit"))
-        return Runs(t, y, run, float(arrays["border"]), name, unit)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path.name} is damaged ({error}); fit the model again") from None
-
-
-def _write(path: Path, **arrays: np.ndarray) -> None:
-    with atomic_file(path) as temporary:
-        np.savez(temporary, **arrays)  # type: ignore[arg-type]
-
-
-def _read(path: Path) -> dict[str, np.ndarray]:
-    """The arrays of an archive, which are at most `LARGEST` bytes: a packed file can be a thousandth of its content."""
-    try:
-        with ZipFile(check_regular_file(path)) as packed:
-            if sum(member.file_size for member in packed.infolist()) > LARGEST:
-                raise ValueError(f"its content is larger than {LARGEST // 2**20} MiB")
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-            # numpy gives other members as bytes
-            if not all(isinstance(array, np.ndarray) for array in arrays.values()):
-                raise ValueError("one of its members is no array")
-            return arrays
-    except Exception as error:  # a damaged file fails in many ways inside numpy and zipfile
-        raise InputError(f"{path.name} cannot be read ({error}); add the log, or fit the model, again") from None

@@ -1,5 +1,6 @@
 """Figures of the page for plotly: those of the reports, and the few that only the page has."""
 
+import re
 from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
@@ -17,10 +18,13 @@ from sysid.drawing.plotly import Plotly, plotly
 from sysid.plots.records import record_figure
 from sysid.report import page
 from sysid.report.figures import TABLE
-from sysid.workflow.results import Evaluation
-from twin.app.entries import Model, Runs
+from sysid.workflow.results import Evaluation, single_channels
+from twin.app.entries import Model
+from twin.app.samples import Runs
 
 if TYPE_CHECKING:
+    from sysid.workflow.input_run import InputRun
+    from sysid.workflow.model_run import ModelRun
     from twin.calibrate.result import Calibration
     from twin.compare.comparison import Comparison
 
@@ -32,20 +36,22 @@ def of_model(e: Evaluation, start: float = 0.0) -> tuple[dict[str, Plotly], list
     """
     drawings, complaints = dict[str, Plotly](), list[str]()
     for name, kind in TABLE.items():
-        if not kind.tab or not kind.applies(e):
-            continue
-        try:
-            figure = kind.zoom(e)
-            figure = _shift_time(figure, start) if name == "free-run" else figure
-            drawings[name] = {"figure": figure, "caption": kind.caption(e)}
-        except (InputError, np.linalg.LinAlgError) as error:
-            complaints.append(f"no figure '{kind.tab}': {error}")
+        for mark, lead, channel in single_channels(e, kind.section) if kind.tab else ():
+            if not kind.applies(channel):
+                continue
+            try:
+                figure = kind.zoom(channel)
+                figure = _shift_time(figure, start) if name == "free-run" else figure
+                drawings[name + mark] = {"figure": figure, "caption": f"{lead}{kind.caption(channel)}"}
+            except (InputError, np.linalg.LinAlgError) as error:
+                complaints.append(f"no figure '{kind.tab}': {error}")
     return drawings, complaints
 
 
 def tab_of(name: str) -> str:
-    """The title of a figure's tab; figures of studies stand in no table."""
-    return TABLE[name].tab if name in TABLE else "Run"
+    """The title of a figure's tab, with the number of one of several outputs; studies' figures stand in no table."""
+    known = next((kind for kind in TABLE if name.startswith(kind) and re.fullmatch(r"(-\d+)?", name[len(kind) :])), "")
+    return f"{TABLE[known].tab} {name[len(known) + 1 :]}".rstrip() if known else name.capitalize()
 
 
 def _shift_time(figure: Plotly, start: float) -> Plotly:
@@ -76,17 +82,43 @@ def overlay(models: Mapping[str, Runs]) -> Plotly:
     """Measured output and free runs of several models, by name, over the time of the log; each validation begins at a
     dotted line."""
     runs = list(models.values())
-    q = display_quantity(runs[0].name, runs[0].unit)
-    low, high = np.nanmin(runs[0].y), np.nanmax(runs[0].y)
-    middle, half = 0.5 * (low + high), 0.75 * (high - low)  # a run that leaves the data does not squeeze the others
-    departs = any(np.abs(model_runs.run - middle).max() > 2 * half for model_runs in runs)
-    near_data = ((middle - half) * q.factor, (middle + half) * q.factor) if departs else None
-    lines = [Line(runs[0].t, scaled(runs[0].y, q.factor), "measured", style.INK, 1.8)]
-    for (name, model_runs), colour in zip(models.items(), cycle(style.COLOURS), strict=False):
-        lines.append(Line(model_runs.t, scaled(model_runs.run, q.factor), name, colour, 1.2))
-    axis = Axis.of(q, near=near_data)
+    panels = [_overlay_panel(models, j) for j in range(len(runs[0].outputs))]
     borders = [Rule(border, dash="dot") for border in dict.fromkeys(model_runs.border for model_runs in runs)]
-    return ready(plotly(Figure([Panel(lines, axis, Axis.time(), weight=1.6)], marks=borders)))
+    return ready(plotly(Figure(panels, marks=borders)))
+
+
+def _overlay_panel(models: Mapping[str, Runs], j: int) -> Panel:
+    """The panel of output j; the lines of models have their names in the first one."""
+    first = next(iter(models.values()))
+    q, y = display_quantity(*first.outputs[j]), first.y[:, j]
+    low, high = np.nanmin(y), np.nanmax(y)
+    middle, half = 0.5 * (low + high), 0.75 * (high - low)  # a run that leaves the data does not squeeze the others
+    departs = any(np.abs(model_runs.run[:, j] - middle).max() > 2 * half for model_runs in models.values())
+    near_data = ((middle - half) * q.factor, (middle + half) * q.factor) if departs else None
+    lines = [Line(first.t, scaled(y, q.factor), "measured", style.INK, 1.8, key=j == 0)]
+    for (name, model_runs), colour in zip(models.items(), cycle(style.COLOURS), strict=False):
+        lines.append(Line(model_runs.t, scaled(model_runs.run[:, j], q.factor), name, colour, 1.2, key=j == 0))
+    return Panel(lines, Axis.of(q, near=near_data), Axis.time(), weight=1.6)
+
+
+def of_run(result: "ModelRun | InputRun") -> dict[str, Plotly]:
+    """A saved model on a record, and its prediction some samples ahead, as in the report."""
+    from sysid.report import saved_models_parts as parts
+    from sysid.workflow.input_run import InputRun
+
+    if isinstance(result, InputRun):
+        caption = "The input, and the model's run from rest."
+        return {"run": {"figure": plotly(parts.input_run_figure(result)), "caption": caption}}
+    caption = "Measured and free run; below, what is left: a good model leaves what looks like noise."
+    drawings = {"run": {"figure": plotly(parts.run_figure(result)), "caption": caption}}
+    if result.ahead is not None:
+        k = result.ahead.horizon
+        caption = (
+            f"No free run: each output is predicted from the measured ones up to {k} sample(s) before it. Compare its "
+            "fit with that of the last measured output held."
+        )
+        drawings["prediction"] = {"figure": plotly(parts.prediction_figure(result)), "caption": caption}
+    return drawings
 
 
 def of_comparison(result: "Comparison") -> dict[str, Plotly]:

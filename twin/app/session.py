@@ -27,7 +27,7 @@ from sysid.base.locks import Lock, take_lock
 from twin.app.entries import DATA_ID, LARGEST, MODEL_ID, SMALL, STUDY_ID, Data, Entry, Head, Model, Study, complaint
 
 HEAD, ENTRY, LOCK = "session.json", "entry.json", ".lock"
-NEW = ".new-"  # folders that are being written
+NEW, GONE = ".new-", ".gone-"  # folders that are being written, and those that were deleted but can be restored
 E = TypeVar("E", bound=Entry)
 KINDS: dict[str, tuple[str, str, type[Entry]]] = {
     "data": ("d", DATA_ID, Data),
@@ -47,6 +47,7 @@ class Session:
         self.studies: dict[str, Study] = {}
         self.complaints: list[str] = []
         self.version = 0
+        self._gone: dict[tuple[str, str], Entry] = {}
         self._lock: Lock | None = None
         self._thread_lock = threading.RLock()  # jobs and pages change it from their own threads
 
@@ -79,12 +80,19 @@ class Session:
         self._lock = take_lock(self.folder / LOCK, self._locked_message)
         for kind in KINDS:
             self._own(Path(kind)).mkdir(exist_ok=True)
-            for remnant in (self.folder / kind).glob(f"{NEW}*"):  # a kill left it
-                shutil.rmtree(remnant, ignore_errors=True)
+        self._clear()  # what a kill left
+
+    def _clear(self) -> None:
+        """Delete what was not written whole, and for good what was deleted."""
+        for folder in (self.folder / kind for kind in KINDS):
+            if os.path.realpath(folder) == str(folder):  # a link may lead anywhere
+                for remnant in (*folder.glob(f"{NEW}*"), *folder.glob(f"{GONE}*")):
+                    shutil.rmtree(remnant, ignore_errors=True)
 
     def close(self) -> None:
         """Another app may open the folder."""
         if self._lock is not None:
+            self._clear()
             self._lock.close(remove=False)
             self._lock = None
 
@@ -133,13 +141,22 @@ class Session:
             self.version += 1
 
     def remove(self, kind: str, key: str) -> None:
-        """Delete an entry and its files."""
+        """Delete an entry and its files, which can be restored until the session is closed."""
         with self._thread_lock:
-            if getattr(self, kind).pop(key, None) is None:
+            if (entry := getattr(self, kind).pop(key, None)) is None:
                 return
-            target = self.folder / kind / f"{NEW}{key}-gone"  # at once for a reader, whatever deleting takes
-            os.rename(self.folder / kind / key, target)
-            shutil.rmtree(target, ignore_errors=True)
+            os.rename(self.folder / kind / key, self.folder / kind / f"{GONE}{key}")
+            self._gone[kind, key] = entry
+            self.version += 1
+
+    def restore(self, kind: str, key: str) -> None:
+        """Take a deleted entry back; raises InputError for one that was not deleted since the session is open."""
+        with self._thread_lock:
+            if (kind, key) not in self._gone:
+                raise InputError(f"{key} was not deleted since this session is open")
+            os.rename(self.folder / kind / f"{GONE}{key}", self.folder / kind / key)
+            entries = {**getattr(self, kind), key: self._gone.pop((kind, key))}
+            setattr(self, kind, dict(sorted(entries.items(), key=lambda item: int(item[0][1:]))))
             self.version += 1
 
     def file(self, kind: str, key: str, name: str) -> Path:
@@ -174,7 +191,8 @@ class Session:
 
     def _free_id(self, kind: str) -> str:
         letter = KINDS[kind][0]
-        names = [path.name[1:] for path in (self.folder / kind).glob(f"{letter}[0-9]*")]
+        folders = (self.folder / kind).iterdir()
+        names = [path.name.removeprefix(GONE)[1:] for path in folders if path.name.removeprefix(GONE)[:1] == letter]
         numbers = [int(name) for name in names if name.isdigit()]
         return f"{letter}{max(numbers, default=0) + 1}"
 

@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from sysid.base.errors import unknown
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.worth import left_by_run
 from twin.calibrate import discrepancy
 from twin.calibrate.agreement import Agreement
 from twin.calibrate.identifiability import Identifiability
@@ -63,6 +66,11 @@ class Run:
     before: np.ndarray
     after: np.ndarray
     half: np.ndarray | None = None
+
+    @cached_property
+    def tests(self) -> ResidualTests | None:
+        """Tests of what the calibrated twin leaves."""
+        return left_by_run(self.u, self.y, self.after)
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """`qpal compare`: a log beside the twin, a saved model, a second log or a user's MJCF."""
 
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -105,8 +106,8 @@ def compare(
         else:
             result = _compare_with(log, joint_name, against, map, step)
         step("drawing")
-        options_text = "".join(f" {name} {value}" for name, value in (("--map", map), ("--params", params)) if value)
-        command = f"{file}{options_text}"  # the next command reads the log in the same way
+        # the next command reads the log in the same way
+        command = shlex.join([file, *options.given({"--map": map, "--params": params})])
         page, summary = report.page(result, command), {"file": file, **result.as_dict()}
         write(scratch, page, summary)
     sentences = [text for text in page.verdict if not text.startswith("Next:")]  # the answer has it

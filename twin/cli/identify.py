@@ -104,7 +104,7 @@ def identify(
 
     Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
     """
-    response = _frequency_data(files, ts)
+    response = _frequency_data(files, ts, is_record=ts is not None and input is not None and output is not None)
     if response is not None:
         of_records = (
             {"input": input, "output": output, "time": time, "time-unit": time_unit, "map": map, "range": range}
@@ -176,11 +176,14 @@ def identify(
     console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)
 
 
-def _frequency_data(files: Sequence[str], ts: float | None) -> "FrequencyData | None":
-    """The frequency response in the first file, None for records; raises InputError for more files than that one."""
+def _frequency_data(files: Sequence[str], ts: float | None, is_record: bool) -> "FrequencyData | None":
+    """The frequency response in the first file, None for records; raises InputError for more files than that one.
+
+    A file that only seems to be a response is a record where the options say that it `is_record`.
+    """
     from sysid.workflow.frequency import read_frequency
 
-    data = read_frequency(files[0], ts)
+    data = read_frequency(files[0], ts, is_record)
     if data is not None and len(files) > 1:
         raise InputError(f"{files[0]} holds a frequency response, and {len(files)} files are given; give one")
     return data

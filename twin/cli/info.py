@@ -58,7 +58,7 @@ def info(
     """
     if file is not None:
         _refuse_options(f"with {file}", params=params, write_params=write_params, signatures=signatures or None)
-        _refuse_response(file)
+        _refuse_response(file, is_record=None not in (input, output, ts))
         _show_file(file, joint, _reading(map, input, output, time, time_unit, ts), map, write_map, range, out, as_json)
         return
     _refuse_options(
@@ -171,11 +171,11 @@ def _compare(result: "Inspection", joint: str | None) -> list[str]:
     return [f"Or, beside the twin: {shlex.join([*words, *result.options])}"]
 
 
-def _refuse_response(file: str) -> None:
+def _refuse_response(file: str, is_record: bool) -> None:
     """Raises InputError for a frequency response, which has neither clock nor channels to show."""
     from sysid.workflow.frequency import read_frequency
 
-    if (data := read_frequency(file)) is not None:
+    if (data := read_frequency(file, is_record=is_record)) is not None:
         raise InputError(
             f"{file} holds a frequency response of {len(data.w)} frequencies, {data.w[0]:.4g} to {data.w[-1]:.4g} "
             f"rad/s, and no record; fit it with qpal identify {shlex.quote(file)} --structure process"

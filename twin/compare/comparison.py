@@ -11,7 +11,8 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError, unknown
 from sysid.base.files import json_value, versions
 from sysid.base.rates import same_rate
-from sysid.diagnosis.residuals import ResidualTests, residual_tests
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.worth import left_by_run
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from twin.compare.alignment import Alignment, align, opposite_signs, parts, turn_back
@@ -255,7 +256,7 @@ def _make_comparison(
     samples = regimes(y, log.Ts)
     scored_samples = {name: mask[first_scored:] for name, mask in samples.items()}
     error = (y - response)[first_scored:]
-    tests = residual_tests(error, u[first_scored:], _LAGS) if len(error) > 2 * _LAGS else None
+    tests = left_by_run(u[first_scored:], y[first_scored:], response[first_scored:])
     spectra = (spectrum(u, y, log.Ts), spectrum(u, response, log.Ts)) if has_power(u) else None
     return Comparison(
         kind,

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,8 @@ from scipy.stats import norm
 
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
+from sysid.diagnosis.residuals import ResidualTests
+from sysid.diagnosis.worth import left_by_run
 from sysid.estimation.noise_model import long_run_covariance_root
 from sysid.solver.iterate import Options
 from twin.calibrate.problem import noise_of
@@ -86,6 +89,11 @@ class Run:
     def fit(self, run: str) -> float:
         """Fit [%] of the same."""
         return 100.0 * (1.0 - self.rms(run) / max(float(np.nanstd(self.y)), 1e-12))
+
+    @cached_property
+    def tests(self) -> ResidualTests | None:
+        """Tests of what the calibrated model leaves."""
+        return left_by_run(self.u, self.y, self.after)
 
 
 @dataclass(frozen=True)

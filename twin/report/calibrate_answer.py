@@ -1,8 +1,8 @@
 """The first screen of `qpal calibrate`: how much of a log the calibrated twin explains, and what it determines."""
 
 from sysid.base.quantities import display_quantity, number, percent
-from sysid.diagnosis import residuals
-from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
+from sysid.diagnosis.worth import worth
+from sysid.report.answer import POOR, Answer, Word
 from sysid.report.page import Grid, Picture
 from twin.calibrate import advice
 from twin.calibrate.result import Calibration, Score
@@ -36,12 +36,13 @@ def judged_run(result: Calibration) -> int:
 
 
 def word(result: Calibration) -> Word:
-    """Poor as the exit code says, or worse on a held-out log; good on a held-out log if all is determined."""
+    """As `worth` says; sound on a held-out log if all is determined; poor also as the exit code says, or worse on a
+    held-out log."""
     score = judged(result)
     if not result.converged or advice.useless(result) or _worse(score):
         return POOR
     is_open = bool(advice.undetermined_rows(result) or result.differing)
-    return GOOD if score.held_out and score.fit_after >= residuals.POOR and not is_open else USABLE
+    return worth(score.fit_after, result.runs[judged_run(result)].tests, score.held_out and not is_open)
 
 
 def _worse(score: Score) -> bool:
@@ -57,6 +58,9 @@ def sentence(result: Calibration) -> str:
         return "These logs determine none of the parameters: do not use the file."
     if _worse(judged(result)):
         return f"On {judged(result).log}, which was held out, the twin is worse than before: do not use the file."
+    if word(result) == POOR:
+        score = judged(result)
+        return f"The twin follows {score.log} to {percent(score.fit_after)} only: it lacks something that the leg has."
     if result.differing:
         return f"The logs do not agree in {result.differing[0].name}: each has a value of its own."
     if names:

@@ -1,7 +1,8 @@
 """The first screen of `qpal compare`: how far the other side is from the log, and whether that is explained."""
 
 from sysid.base.quantities import capital, display_quantity, number, percent
-from sysid.diagnosis.residuals import UNTESTED, poor
+from sysid.diagnosis.residuals import UNTESTED
+from sysid.diagnosis.worth import worth
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Picture
 from sysid.report.sections import NOT_KNOWN, decimals, fixed_point
@@ -30,13 +31,14 @@ def answer(result: Comparison, picture: Picture, sentences: list[str]) -> Answer
 
 
 def word(result: Comparison) -> Word:
-    """Good if nothing but noise departs, poor if nothing explains it; never good with bad readings or a wrong sign."""
+    """Of a saved model as `worth` says; else good if nothing but noise departs, poor if nothing explains it.
+
+    Never good with bad readings or a wrong sign.
+    """
     if result.kind == LOG:
         found = GOOD if result.repeat is not None and repeats(result.repeat) else USABLE
     elif result.kind == MODEL or result.verdict is None:
-        tests = result.tests
-        found = GOOD if tests is not None and tests.independent else USABLE
-        found = POOR if poor(result.fit, tests) else found
+        found = worth(result.fit, result.tests)
     else:
         found = POOR if not result.verdict.known else GOOD if result.verdict.chance else USABLE
     return USABLE if found == GOOD and (result.outliers or _turned(result)) else found

@@ -53,12 +53,13 @@ def _outlier_sentences(result: Comparison, file: str) -> list[str]:
         return []
     largest, count = max(result.outliers, key=lambda outlier: abs(outlier.size)), len(result.outliers)
     subject = "One sample," if count == 1 else f"{count} samples are far off; the farthest,"
-    where = file if result.kind != LOG else "the log that has them"
+    where = "" if result.kind == LOG else f": qpal compare {file} --joint {result.joint}"
+    them = "the log that has them" if result.kind == LOG else "the log"
     return [
         f"{subject} at {largest.time:.4g} s, is {deg(abs(largest.size))} off its neighbours (noise of the log "
         f"{deg(result.noise)}): no joint goes there and back so fast.",
-        f"Next: put the mean of both neighbours in place of {'each' if count > 1 else 'it'} in {where}, and compare "
-        "again.",
+        f"Next: put the mean of both neighbours in place of {'each' if count > 1 else 'it'} in {them}, and compare "
+        f"again{where}",
     ]
 
 
@@ -83,7 +84,7 @@ def verdict_sentences(verdict: Verdict, joint: str, file: str) -> list[str]:
         share = next(candidate.share for candidate in verdict.alone if candidate.effect == name)
         texts.append(
             f"On this record {first.words} and {rival.words} act alike: {rival.words} alone would explain "
-            f"{share_text(share)}. To tell them apart, {_to_play(rival, joint)}."
+            f"{share_text(share)}. To tell them apart, {_to_play(rival, joint)}"
         )
     texts.append(_next(verdict, joint, file))
     return texts
@@ -97,7 +98,7 @@ def _of_unknown(verdict: Verdict, joint: str) -> list[str]:
     ]
     left = verdict.left
     best = CAUSES[(verdict.named or verdict.alone)[-1 if verdict.named else 0].effect]
-    following = f"Next: {_to_play(best, joint)}."
+    following = f"Next: {_to_play(best, joint)}"
     if not verdict.named:
         none = f"No cause lowers the error by more than chance and {SMALLEST}, and {deg(left.rms)} RMS is no noise."
         return [*texts, none, following]
@@ -118,10 +119,10 @@ _UNEVEN = {  # the splits of `twin.compare.remainder`
 
 
 def _to_play(cause: Effect, joint: str) -> str:
-    """The record that shows this cause, to be made on the leg: its input comes as a file."""
+    """The record that shows this cause, to be made on the leg, and the command that gives its input as a file."""
     return (
-        f"play on the leg {cause.why} (the input, as a file: qpal simulate --joint {joint} {cause.record} --log "
-        "input.csv), and compare that log too"
+        f"play on the leg {cause.why}, and compare that log too; the input, as input.csv: "
+        f"qpal simulate --joint {joint} {cause.record} --log input.csv"
     )
 
 
@@ -159,9 +160,9 @@ def _next(verdict: Verdict, joint: str, file: str) -> str:
     free = [name for share in verdict.named for name in CAUSES[share.effect].free_of(joint)]
     outside = [CAUSES[share.effect] for share in verdict.named if share.effect in STRUCTURES]
     if outside:
-        return f"The twin has no such part. Next: {_to_play(outside[0], joint)}."
+        return f"The twin has no such part. Next: {_to_play(outside[0], joint)}"
     if not free:
-        return f"Next: qpal compare {file} --joint {joint} --align gear,offset, or correct the sensor's scale."
+        return f"Next: correct the sensor's scale, or fit it: qpal compare {file} --joint {joint} --align gear,offset"
     return f"Next: qpal calibrate {file} --joint {joint} --free {','.join(dict.fromkeys(free))}"
 
 

@@ -8,9 +8,10 @@ import numpy as np
 from sysid.base import style
 from sysid.base.files import versions
 from sysid.base.quantities import display_quantity, number, percent
+from sysid.diagnosis.worth import worth
 from sysid.drawing.figure import Axis, Figure, Line, Panel
 from sysid.plots.free_runs import over_panel
-from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
+from sysid.report.answer import POOR, Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section
 from twin.mjcf.calibration import LEVEL, RobotCalibration, Run, Value
 from twin.mjcf.writing import file_name
@@ -69,11 +70,13 @@ def _judged(result: RobotCalibration) -> Run:
 
 
 def word(result: RobotCalibration) -> Word:
-    """Poor if the model may not be used; good if a held-out log judged it and nothing is open or lacking."""
+    """As `worth` says; sound if a held-out log judged it and nothing is open or lacking; poor also if the model may not
+    be used."""
     if not result.usable or not result.optimum.stop.converged:
         return POOR
     is_open = any(not value.determined for value in result.values) or result.lacking is not None
-    return USABLE if is_open or not _judged(result).held_out else GOOD
+    run = _judged(result)
+    return worth(run.fit("after"), run.tests, run.held_out and not is_open)
 
 
 def _sentence(result: RobotCalibration) -> str:

@@ -7,11 +7,12 @@ from nicegui import ui
 
 from sysid.base.errors import InputError
 from sysid.structures import TABLE as STRUCTURES
-from twin.app.entries import Setting
+from twin.app.entries import AUTO, SEARCHED, Setting
 from twin.app.jobs import CANCELLED, FAILED, Job
 from twin.app.page.panel import Panel, attempt, note, tell
 
 DEFAULT = "default"
+EMPTY = {"name": "", "value": None, "low": None, "high": None}  # of a parameter that is held
 FIRST = ("output_error", "hammerstein_wiener")  # ticked at first: a linear one, and the toolbox's own
 
 
@@ -25,12 +26,23 @@ class FitPanel(Panel):
         self._values: dict[str, dict[str, Any]] = {}
         setting = view.desk.session.head.setting
         self._common: dict[str, Any] = {"starts": setting.starts, "seed": setting.seed, "split": setting.split}
+        self._search: dict[str, Any] = {"seconds": SEARCHED}
+        self._held: list[dict[str, Any]] = []
+        self._records: dict[str, list[str]] = {"further": [], "validation": []}
         super().__init__(view)
 
     def state(self) -> Any:
-        return tuple(sorted(self._ticked))
+        return tuple(sorted(self._ticked)), self.view.key, tuple(self.desk.session.data), len(self._held)
 
     def draw(self) -> None:
+        self._draw_records()
+        with ui.row().classes("w-full items-end no-wrap gap-2"):
+            search = ui.button("Search for a structure", icon="travel_explore", on_click=self._auto)
+            search.props("no-caps outline data-mark=auto").classes("grow")
+            ui.number("at most [s]", min=1, precision=0).bind_value(self._search, "seconds").props(
+                "dense data-mark=seconds"
+            ).classes("w-20")
+        note("It tries linear and nonlinear structures of several sizes. Or tick structures and press Fit:")
         for name, kind in STRUCTURES.items():
             ui.checkbox(
                 name.replace("_", " "),
@@ -39,6 +51,7 @@ class FitPanel(Panel):
             ).props("dense").props(f"data-mark=structure-{name}").tooltip((kind.__doc__ or "").split("\n")[0])
             if name in self._ticked:
                 self._settings(name, kind)
+        self._draw_held()
         ui.separator()
         with ui.grid(columns=3).classes("w-full gap-2"):
             for field, label, options in (
@@ -48,6 +61,18 @@ class FitPanel(Panel):
             ):
                 ui.number(label, **options).bind_value(self._common, field).props(f"dense data-mark={field}")
         ui.button("Fit", icon="play_arrow", on_click=self._fit).classes("w-full").props("data-mark=fit")
+
+    def _draw_records(self) -> None:
+        """Draw the choice of further records, where the session has some."""
+        key, data = self.view.key, self.desk.session.data
+        options = {other: f"{other}  {entry.name}" for other, entry in data.items() if other != key}
+        self._records = {role: [other for other in keys if other in options] for role, keys in self._records.items()}
+        if not options:
+            return
+        for role, label in (("further", "fit these records too"), ("validation", "records that judge the model")):
+            choose = ui.select(options, multiple=True, label=label, value=self._records[role])
+            choose.bind_value(self._records, role).props(f"dense use-chips options-dense data-mark={role}")
+            choose.classes("w-full min-w-0")
 
     def _tick(self, name: str, on: bool) -> None:
         (self._ticked.add if on else self._ticked.discard)(name)
@@ -71,10 +96,32 @@ class FitPanel(Panel):
                     entry = ui.select(choices, label=words).props("options-dense").classes("min-w-0")
                 entry.bind_value(values, field).props("dense").tooltip(option.help).props(f"data-mark={name}-{field}")
 
-    def _fit(self) -> None:
-        key = self.view.key
-        if key is None:
+    def _draw_held(self) -> None:
+        """Draw the parameters that are held at a value or between two, and a button for one more."""
+        names = sorted({name for structure in self._ticked for name in _parameters(structure)})
+        for k, row in enumerate(self._held):
+            with ui.grid().classes("w-full gap-x-2 gap-y-0").style("grid-template-columns: 2fr 1fr 1fr 1fr"):
+                ui.input("parameter", autocomplete=names).bind_value(row, "name").props(f"dense data-mark=held-{k}")
+                for field, label in (("value", "held at"), ("low", "least"), ("high", "most")):
+                    ui.number(label).bind_value(row, field).props(f"dense data-mark=held-{k}-{field}")
+        add = ui.button("Hold or bound a parameter", icon="lock", on_click=lambda: self._held.append(dict(EMPTY)))
+        add.props("flat dense no-caps size=sm data-mark=hold").tooltip(f"such as {', '.join(names[:6])}")
+
+    def _record(self) -> str | None:
+        """The record that is shown; None, and a message says so, where there is none."""
+        if self.view.key is None:
             tell("add a record first: drop a log, or make one with the twin")
+        return self.view.key
+
+    def _auto(self) -> None:
+        key = self._record()
+        if key is not None:
+            setting = {"structure": AUTO, "seconds": self._search["seconds"] or SEARCHED, **self._common}
+            attempt(lambda: self.desk.fit(key, self.desk.setting(**setting), **self._records))
+
+    def _fit(self) -> None:
+        key = self._record()
+        if key is None:
             return
         if not self._ticked:
             tell("tick at least one structure")
@@ -83,7 +130,7 @@ class FitPanel(Panel):
                 attempt(partial(self._begin, key, name))
 
     def _begin(self, key: str, name: str) -> None:
-        self.desk.fit(key, self._setting(name))
+        self.desk.fit(key, self._setting(name), **self._records)
 
     def _setting(self, name: str) -> Setting:
         """The setting that the fields of a structure hold; raises InputError for a missing order."""
@@ -96,7 +143,17 @@ class FitPanel(Panel):
                     raise InputError(f"{name} has no {field}; give a whole number of at least {option.least}")
                 continue
             settings[field] = int(value) if option.kind == "order" else value
-        return self.desk.setting(structure=name, settings=settings, **self._common)
+        rows = [row for row in self._held if row["name"]]
+        fixed = {row["name"].strip(): row["value"] for row in rows if row["value"] is not None}
+        bounds = {row["name"].strip(): (row["low"], row["high"]) for row in rows}
+        bounds = {parameter: ends for parameter, ends in bounds.items() if ends != (None, None)}
+        return self.desk.setting(structure=name, settings=settings, fixed=fixed, bounds=bounds, **self._common)
+
+
+def _parameters(structure: str) -> list[str]:
+    """The names of the parameters of a structure as it is without settings."""
+    model = STRUCTURES[structure]().model()
+    return list(getattr(model, "names", ()))
 
 
 class JobsPanel(Panel):

@@ -1,6 +1,7 @@
 """The page as a whole, and the routes of the files that it offers."""
 
 from functools import partial
+from typing import Any
 
 from fastapi import FastAPI
 from fastapi.responses import PlainTextResponse, Response
@@ -10,8 +11,9 @@ from sysid.base.errors import InputError
 from sysid.base.quantities import capital
 from sysid.report.page import POLICY
 from twin.app.desk import Desk
+from twin.app.page.answer import AnswerPanel
 from twin.app.page.fit import FitPanel, JobsPanel
-from twin.app.page.panel import View, note
+from twin.app.page.panel import View, attempt, note
 from twin.app.page.record import AdvicePanel, DataPanel, PreparePanel, SignalsPanel
 from twin.app.page.results import BoardPanel, DetailPanel, rank
 from twin.app.page.rig_live import LivePanel, StopBar
@@ -45,6 +47,24 @@ body { background: #eef2f5; }
   .qpal-table :is(th, td):is(:nth-child(3), :nth-child(4), :nth-child(6), :nth-child(7)) { display: none; }
 }
 .qpal-table th { color: #52606d; font-weight: 600; }
+.qpal-good { --word: #2f855a; }
+.qpal-usable { --word: #b7791f; }
+.qpal-poor { --word: #c53030; }
+.qpal-answer { grid-column: 1 / -1; }
+.qpal-answer-box { display: grid; gap: 12px 32px; grid-template-columns: minmax(0, 1fr); }
+@media (min-width: 1024px) {
+  .qpal-answer-box { grid-template-columns: minmax(0, 3fr) minmax(0, 2fr); align-items: center; }
+}
+.qpal-verdict { border-left: 8px solid var(--word, #52606d); padding: 2px 0 2px 16px; width: 100%; }
+.qpal-number { display: flex; flex-wrap: wrap; align-items: center; gap: 0 14px; line-height: 1.15; }
+.qpal-number { font-size: clamp(34px, 9.4vw, 46px); font-weight: 650; }
+.qpal-word { color: var(--word); }
+.qpal-mark { display: inline-block; flex: none; width: .62em; height: .62em; }
+.qpal-mark { background: var(--word); border-radius: 50%; }
+.qpal-mark.qpal-usable { background: linear-gradient(90deg, var(--word) 50%, transparent 50%); }
+.qpal-mark.qpal-usable { border: .09em solid var(--word); }
+.qpal-mark.qpal-poor { border-radius: 0; clip-path: polygon(50% 0, 100% 100%, 0 100%); }
+.qpal-step .q-btn__content { text-align: left; flex-wrap: nowrap; }
 """
 TYPES = {".html": "text/html", ".json": "application/json", ".xml": "application/xml"}
 # A report has scripts and comes from a session that another person may have made: it runs apart, and fetches nothing.
@@ -87,6 +107,7 @@ def _page(desk: Desk) -> None:
         ui.label(f"session {desk.session.folder.name}").classes("text-caption ellipsis min-w-0").tooltip(
             str(desk.session.folder)
         )
+        _undo_button(view)
         with ui.tabs().props("dense no-caps shrink").classes("q-ml-auto") as tabs:
             for name in (WORK, RIG):
                 ui.tab(name).props(f'data-mark="page-{name}"').classes("q-px-sm")
@@ -95,10 +116,11 @@ def _page(desk: Desk) -> None:
         tabs.on_value_change(lambda: ui.run_javascript("setTimeout(() => dispatchEvent(new Event('resize')), 50)"))
     StopBar(view)
     with ui.element("div").classes("qpal-page w-full q-pa-sm").bind_visibility_from(tabs, "value", value=WORK):
+        panels: list[Any] = [AnswerPanel(view)]
         with ui.column().classes("w-full gap-3 min-w-0"):
             for complaint in desk.session.complaints:
                 note(f"{capital(complaint)}.", "text-negative")
-            panels = [DataPanel(view), PreparePanel(view), FitPanel(view), StudyPanel(view)]
+            panels += [DataPanel(view), PreparePanel(view), FitPanel(view), StudyPanel(view)]
         with ui.column().classes("w-full gap-3 min-w-0"):
             panels += [JobsPanel(view), SignalsPanel(view), AdvicePanel(view), BoardPanel(view)]
             panels += [DetailPanel(view), LegPanel(view)]
@@ -114,13 +136,36 @@ def _page(desk: Desk) -> None:
     ui.timer(LOOK, look)
 
 
+def _undo_button(view: View) -> None:
+    """Draw the button that takes the last change back, and says which one that is."""
+    history = view.desk.history
+
+    def undo() -> None:
+        if words := attempt(history.undo):
+            ui.notify(f"Undone: {words}.", position="top")
+
+    with ui.button(icon="undo", on_click=undo).props("flat dense round color=white data-mark=undo") as button:
+        words = ui.tooltip("")
+
+    def refresh() -> None:
+        button.set_enabled(bool(history.last))
+        words.set_text(f"Undo {history.last}" if history.last else "Nothing to undo")
+
+    refresh()
+    ui.timer(LOOK, refresh)
+
+
 def _show_new(view: View) -> None:
-    """A model that has just been fitted is laid over the others and, if nothing is looked at, shown."""
+    """What has just been fitted is laid over the others and shown; of several models the best, as on opening."""
     models = view.desk.session.models
-    for key in models:
-        if key not in view.known:
-            view.overlaid.add(key)
-    if view.detail is None and models:
-        view.detail = "models", max(models, key=lambda key: rank(models[key]))
-    view.known = set(models)
+    studies = view.desk.session.studies
+    if view.known is None:
+        new, view.overlaid = [*models], {*models}
+    else:
+        new = [key for key in (*models, *studies) if key not in view.known]
+        view.overlaid.update(key for key in new if key in models)
+    if new:
+        fits = [key for key in new if key in models]
+        view.detail = ("models", max(fits, key=lambda key: rank(models[key]))) if fits else ("studies", new[-1])
+    view.known = {*models, *studies}
     view.overlaid &= view.known

@@ -19,7 +19,7 @@ class View:
 
     desk: Desk
     overlaid: set[str] = field(default_factory=set)
-    known: set[str] = field(default_factory=set)
+    known: set[str] | None = None  # models and studies that this window has seen; None before it has looked
     detail: tuple[str, str] | None = None  # ("models" or "studies", id)
     tab: str = ""
     moves: bool = False  # whether this window has begun what the rig does now

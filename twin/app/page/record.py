@@ -12,7 +12,7 @@ from sysid.data.preparation import MISSING
 from sysid.data.preprocess import DETREND
 from sysid.formats import TABLE as FORMATS
 from twin.app import figures
-from twin.app.desk import display_name, suffix_of
+from twin.app.desk import display_name, several, suffix_of
 from twin.app.entries import LARGEST, Data
 from twin.app.page.panel import Panel, RecordPanel, attempt, delete_button, note, tell
 from twin.imperfections import TABLE as IMPERFECTIONS
@@ -62,16 +62,21 @@ class DataPanel(Panel):
         """Draw the choice of columns, and what was assumed on reading."""
         entry = self.desk.session.data[key]
         options = {None: "found by name and unit"} | {name: readable(name) for name in entry.columns}
-        fields = {}
-        for role in ("input", "output", "time"):
-            fields[role] = ui.select(options, value=getattr(entry, role), label=role).classes("w-full").props("dense")
-        Ts = ui.number("sampling time [s], without a time column", value=entry.Ts, min=0).classes("w-full")
+        fields: dict[str, Any] = {}
+        columns = {name: readable(name) for name in entry.columns}
+        for role in ("input", "output"):
+            chosen = [*several(getattr(entry, role), entry.columns)]
+            words = f"{role}, or several{'' if chosen else '; none: by name'}"
+            fields[role] = ui.select(columns, multiple=True, value=chosen, label=words, clearable=True)
+            fields[role].classes("w-full min-w-0").props(f"dense use-chips options-dense data-mark=column-{role}")
+        fields["time"] = ui.select(options, value=entry.time, label="time").classes("w-full").props("dense")
+        Ts = ui.number("sampling time [s] without a clock", value=entry.Ts, min=0).classes("w-full")
 
         def read() -> None:
-            columns = {role: select.value for role, select in fields.items()}
-            attempt(lambda: self.desk.choose_columns(key, **columns, Ts=Ts.value))
+            chosen = {role: ",".join(fields[role].value or ()) or None for role in ("input", "output")}
+            attempt(lambda: self.desk.choose_columns(key, **chosen, time=fields["time"].value, Ts=Ts.value))
 
-        ui.button("Read again", on_click=read).props("outline dense")
+        ui.button("Read again", on_click=read).props("outline dense data-mark=read")
         for text in entry.notes:
             note(text)
 

@@ -7,13 +7,15 @@ from nicegui import ui
 from sysid.base.errors import InputError
 from sysid.base.quantities import capital
 from twin.app import figures
-from twin.app.entries import Model, Runs
-from twin.app.page.panel import Panel, delete_button, note, tell
+from twin.app.entries import Model
+from twin.app.page.answer import heading, mark
+from twin.app.page.panel import Panel, attempt, delete_button, note, tell
+from twin.app.samples import Runs
 
 HEAD = (
     ("", "whether it is in the overlay"),
     ("model", "structure, orders and maps"),
-    ("record", "the record that it was fitted to"),
+    ("record", "the record that it was fitted to, or several; behind commas those that judge it"),
     ("estimation [%]", "fit of the free run on the estimation data"),
     ("validation [%]", "fit of the free run on the validation data: 100 % is perfect, 0 % is the mean"),
     ("d", "number of free parameters"),
@@ -58,12 +60,13 @@ class BoardPanel(Panel):
                 "dense"
             )
         with ui.element("td"):
+            mark(model.verdict)
             ui.button(f"{key}  {model.name.replace('_', ' ')}", on_click=lambda: self._show(key)).props(
                 "flat dense no-caps align=left"
             )
             if not model.converged:
                 ui.icon("warning", color="warning").tooltip("the search did not converge; give more starts")
-        _cell(model.data)
+        _cell(" + ".join((model.data, *model.further)) + "".join(f", {key}" for key in model.validation))
         _cell(_fit_cell(model.fit_estimation), NUMBERS)
         _cell("none unseen" if model.whole else _fit_cell(model.fit_validation), NUMBERS)
         _cell(str(model.d), NUMBERS)
@@ -89,7 +92,7 @@ class BoardPanel(Panel):
             except InputError as error:
                 tell(str(error))
         if other_keys:
-            note(f"Not shown below, because fitted to another record than {record}: {', '.join(other_keys)}.")
+            note(f"Not shown below, because fitted to other records than {record} alone: {', '.join(other_keys)}.")
         if not runs:
             note(f"Tick models of {record} to lay their free runs over its measured output.")
             return
@@ -116,17 +119,41 @@ class DetailPanel(Panel):
             return
         kind, key = selection
         entry = getattr(self.desk.session, kind)[key]
-        heading = entry.name.replace("_", " ") if kind == "models" else f"{entry.joint}, {entry.kind}"
-        ui.label(f"{key}  {heading}").classes("text-subtitle1 text-weight-bold break-words")
+        ui.label(f"{key}  {heading(entry)}").classes("text-subtitle1 text-weight-bold break-words")
         if kind == "studies":
             for text in entry.sentences:
                 ui.label(text).classes("text-body2 break-words")
         self._files(kind, key)
+        if kind == "models":
+            self._uses(key)
         self._figures(kind, key)
         if kind == "models" and entry.notes:
             with ui.expansion(f"Notes ({len(entry.notes)})", icon="notes").classes("w-full").props("dense"):
                 for text in entry.notes:
                     ui.label(f"{capital(text)}.").classes("text-body2 break-words")
+
+    def _uses(self, key: str) -> None:
+        """Draw what can be done with a model and the record that is shown."""
+
+        def refine() -> None:
+            if self.view.key is not None:
+                record = self.view.key
+                attempt(lambda: self.desk.refine(key, record))
+
+        def run() -> None:
+            if self.view.key is not None:
+                record, ahead = self.view.key, None if horizon.value is None else int(horizon.value)
+                attempt(lambda: self.desk.run(record, key, ahead))
+
+        with ui.row().classes("w-full gap-2 items-end"):
+            ui.button("Refine", icon="tune", on_click=refine).props("outline dense no-caps data-mark=refine").classes(
+                "q-px-sm"
+            ).tooltip("fit it to the record under 1 Data, from the values that it has")
+            ui.button("Run", icon="play_arrow", on_click=run).props("outline dense no-caps data-mark=run").classes(
+                "q-px-sm"
+            ).tooltip("run it on the record under 1 Data")
+            horizon = ui.number("predict samples ahead", min=1, precision=0).classes("w-40")
+            horizon.props("dense clearable data-mark=horizon")
 
     def _files(self, kind: str, key: str) -> None:
         with ui.row().classes("w-full gap-2 items-center"):

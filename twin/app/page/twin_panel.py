@@ -13,6 +13,7 @@ import numpy as np
 from nicegui import run, ui
 
 from twin.app.entries import Data
+from twin.app.page.answer import heading
 from twin.app.page.panel import RecordPanel, attempt, delete_button, note
 from twin.parameters import JOINTS, Parameters
 from twin.plant.leg import BENCH_LEG, robot
@@ -87,20 +88,29 @@ class StudyPanel(RecordPanel):
     empty = "Add a record of the leg first."
 
     def state(self) -> Any:
-        return super().state(), tuple(self.desk.session.studies), self.view.detail
+        return super().state(), tuple(self.desk.session.studies), tuple(self.desk.session.data), self.view.detail
 
     def draw_record(self, key: str, entry: Data) -> None:
         note("The whole log drives the twin, without preparation. Both take a minute or more.")
         joint = ui.select(list(JOINTS), value=entry.joint or None, label="joint of the log").classes("w-full")
         joint.props("dense").on_value_change(lambda e: self.desk.session.change_data(key, joint=e.value or ""))
+        options = {other: f"{other}  {e.name}" for other, e in self.desk.session.data.items() if other != key}
+        further = ui.select(options, multiple=True, label="calibrate to these records too", value=[])
+        further.props("dense use-chips options-dense data-mark=calibrate-further").classes("w-full min-w-0")
+        further.set_visibility(bool(options))
+
+        def study(kind: str) -> None:
+            records = further.value if kind == "calibrate" else ()
+            attempt(lambda: self.desk.study(key, kind, joint.value or "", records))
+
         with ui.row().classes("gap-2"):
             for kind, words in (("compare", "Compare"), ("calibrate", "Calibrate")):
-                ui.button(
-                    words, on_click=lambda kind=kind: attempt(lambda: self.desk.study(key, kind, joint.value or ""))
-                ).props(f"outline dense data-mark={kind}").classes("q-px-md")
-        for name, study in self.desk.session.studies.items():
+                ui.button(words, on_click=partial(study, kind)).props(f"outline dense data-mark={kind}").classes(
+                    "q-px-md"
+                )
+        for name, entry_of_study in self.desk.session.studies.items():
             with ui.row().classes("items-center no-wrap w-full"):
-                words = f"{name}  {study.kind} {study.data}, {study.joint}, {study.seconds:.0f} s"
+                words = f"{name}  {heading(entry_of_study)}, {entry_of_study.seconds:.0f} s"
                 ui.button(words, on_click=lambda name=name: self._show(name)).props("flat dense no-caps align=left")
                 delete_button(partial(self.desk.remove, "studies", name), "Delete this study")
 
