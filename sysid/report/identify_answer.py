@@ -16,6 +16,7 @@ from sysid.report.bands import bands
 from sysid.report.page import Grid, Picture
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.what_is_left import systematic
 
 SLOWEST = 3  # time constants
 
@@ -35,7 +36,8 @@ def answer(result: Identification, model: str = "") -> Answer:
 
 
 def word(result: Identification) -> Word:
-    """Poor as `_bad` and the model's sign say; good on unseen data if nothing is left to try or to explain.
+    """Poor as `_bad` and the model's sign say; good on unseen data if nothing is left to try or to explain, and no
+    error is systematic.
 
     What is left may depend on the input where all of it is less than the half point that counts as close.
     """
@@ -43,7 +45,7 @@ def word(result: Identification) -> Word:
     if _bad(e) or _wrong(e) or _spoilt(result):
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
-    is_done = is_done and not _computed(result)
+    is_done = is_done and not _computed(result) and not systematic(e)
     return GOOD if is_done and residuals.explained(e.judged_fit, e.tests) else USABLE
 
 
@@ -83,7 +85,7 @@ def sentence(result: Identification) -> str:
         return "All of the record was used for the fit, so no fit to unseen data is known."
     if said := _computed(result):
         return f"{capital(said)}."
-    left = verdict.left_in_words(e.tests, e.notes)
+    left = systematic(e) or verdict.left_in_words(e.tests, e.notes)
     return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
 
 

@@ -9,6 +9,7 @@ from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import ModelRun, Models
 from sysid.workflow.saved import fell, unfit
+from sysid.workflow.what_is_left import WORSE, Left, left_of, slow
 
 
 def of_run(result: ModelRun | InputRun) -> Answer:
@@ -49,15 +50,39 @@ def word(result: ModelRun) -> Word:
     if result.next is not None:
         return POOR
     holds = result.percent >= residuals.POOR and not fell(result.model.estimation, result.percent)
-    holds = holds and residuals.explained(result.percent, result.tests)
+    holds = (
+        holds and residuals.explained(result.percent, result.tests) and not (constant(result) or unexplained(result))
+    )
     return GOOD if holds and not unfit(result.model.fit) else USABLE
 
 
 def sentence(result: ModelRun) -> str:
     """Why the word."""
-    fall = fell(result.model.estimation, result.percent)
-    text = result.next.why if result.next is not None else fall or left_in_words(result.tests, result.notes)
-    return f"{capital(text)}."
+    text = constant(result) or (result.next.why if result.next is not None else "")
+    text = text or fell(result.model.estimation, result.percent) or unexplained(result)
+    return f"{capital(text or left_in_words(result.tests, result.notes))}."
+
+
+def constant(result: ModelRun) -> str:
+    """That the error is mostly a constant; empty of another one, and where it counts as nothing."""
+    several = result.data.y.shape[1] > 1
+    left = _left(result)
+    name = f"output {left.output + 1}" if several else result.data.y_name
+    return "" if result.percent >= 100.0 - residuals.CLOSE else left.constant(name, result.data.y_unit)
+
+
+def unexplained(result: ModelRun) -> str:
+    """Why an error that noise does not explain keeps the model from being good here; empty where nothing says so."""
+    left, was = _left(result), result.model.estimation
+    if result.percent >= 100.0 - residuals.CLOSE or not left.many:
+        return ""
+    if was is not None and 100.0 - result.percent > WORSE * (100.0 - was):
+        return f"the error is {left.multiple}, and the fit on the estimation data was {percent(was)}"
+    return slow(left, result.model.fit, result.tests)
+
+
+def _left(result: ModelRun) -> Left:
+    return left_of(result.data, result.output, result.n_init)
 
 
 def _next(result: ModelRun) -> str:

@@ -29,6 +29,7 @@ from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
 from sysid.workflow.remarks import extrapolated_signals, gain_remarks
 from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.steps import NextStep
+from sysid.workflow.what_is_left import unexplained
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
@@ -66,15 +67,20 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
     if e.joint is not None and not e.joint.joint:
         return (_no_joint,)
     if e.outputs:
-        return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general) if is_bad else ()
+        if is_bad:
+            return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general)
+        return (_nonlinear, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _no_maps)
-        return (*rules, _process, _sizes, _more_starts, _search_structures, _other_kind)
+        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
+        return (*rules, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_more_starts, _no_maps, _process, _undetermined)
+        return (_process, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        return (_ends, _nonlinear, _delay, _undetermined, _offset, _no_maps, _process, _sizes, _search_structures)
+        rules = (_ends, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
+        depends = e.tests is not None and not e.tests.independent
+        # A search costs minutes: it is for an error that noise or a constant does not explain.
+        return (*rules, _search_structures) if depends or unexplained(e) else rules
     return (_undetermined,)
 
 
