@@ -15,6 +15,7 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
 from sysid.channels.reading import Mapping, complete, read_map_of, sample
+from sysid.channels.roles import TOGETHER
 from sysid.channels.signals import Signals
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
@@ -82,6 +83,9 @@ class Inspection:
 
         Empty where no command helps: `problem` or `obstacle` then says what does.
         """
+        together = next((text.partition(TOGETHER)[2] for text in self.unclear[:1] if TOGETHER in text), "")
+        if together and self.unwritten is not None:
+            return f"{shlex.join(['qpal', 'identify', str(self.path)])} {together}"
         if self.unwritten is not None:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
         if self.obstacle or (self.problem and not self.repairs):

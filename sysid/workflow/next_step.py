@@ -77,10 +77,10 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
         return (_process, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        rules = (_ends, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
+        smaller = (_ends, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
         depends = e.tests is not None and not e.tests.independent
         # A search costs minutes: it is for an error that noise or a constant does not explain.
-        return (*rules, _search_structures) if depends or unexplained(e) else rules
+        return (*smaller, _search_structures) if depends or unexplained(e) else smaller
     return (_undetermined,)
 
 
