@@ -2,6 +2,7 @@
 
 import os
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,9 +22,11 @@ from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.signals import MAP_FILE
 from sysid.formats import TABLE, read_table
+from sysid.structures import ServoJoint
 from sysid.workflow.evaluation import check_parts
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import check_moving
+from sysid.workflow.servo import is_of_servo
 
 LONGEST = 20_000  # samples that the advice looks at
 
@@ -171,9 +174,17 @@ def inspect_file(
         options,
         _options(given, range, None, needs_map=False) if not file and (repairs or unclear) else None,
         _obstacle(signals),
-        # A delay is an order of every model, and says nothing of which one to fit.
-        next((a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"), ("identify",)),
+        _first_command(signals, findings),
     )
+
+
+def _first_command(signals: Signals | None, findings: Sequence[Advice]) -> tuple[str, ...]:
+    """The command for this record without its file; a delay is an order of every model, and does not say which."""
+    advised = [a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"]
+    first = next(iter(advised), ("identify",))
+    if first[0] == "identify" and signals is not None and is_of_servo(signals):
+        return "identify", "--structure", ServoJoint.name
+    return first
 
 
 def sampling_facts(signals: Signals) -> dict[str, Any]:
