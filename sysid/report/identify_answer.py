@@ -16,7 +16,7 @@ from sysid.report.bands import bands
 from sysid.report.page import Grid, Picture
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
-from sysid.workflow.what_is_left import systematic
+from sysid.workflow.what_is_left import rounded, systematic
 
 SLOWEST = 3  # time constants
 
@@ -46,7 +46,7 @@ def word(result: Identification) -> Word:
         return POOR
     is_done = result.next is None and e.unseen and e.judged_fit >= residuals.POOR and not verdict.no_joint(e)
     is_done = is_done and not _computed(result) and not systematic(e)
-    return GOOD if is_done and residuals.explained(e.judged_fit, e.tests) else USABLE
+    return GOOD if is_done and (residuals.explained(e.judged_fit, e.tests) or rounded(e)) else USABLE
 
 
 def _computed(result: Identification) -> str:
@@ -85,7 +85,8 @@ def sentence(result: Identification) -> str:
         return "All of the record was used for the fit, so no fit to unseen data is known."
     if said := _computed(result):
         return f"{capital(said)}."
-    left = systematic(e) or verdict.left_in_words(e.tests, e.notes)
+    left = systematic(e) or ("what is left is the rounding of the readings" if rounded(e) else "")
+    left = left or verdict.left_in_words(e.tests, e.notes)
     return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
 
 

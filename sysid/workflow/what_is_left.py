@@ -12,7 +12,7 @@ from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import CLOSE, ResidualTests
 from sysid.estimation.result import Fit
-from sysid.joint.stops import noise_level
+from sysid.joint.stops import noise_level, rounding_deviation
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE
 from sysid.workflow.results import Evaluation
@@ -20,6 +20,7 @@ from sysid.workflow.results import Evaluation
 MANY = 3.0  # times the noise of a reading: noise is then a ninth of the squared error, and does not limit the fit
 WORSE = 2.0  # times the error on the estimation data: what the fit left there is a quarter of the squared error
 _CONSTANT = 2.0  # times the rest: a constant is then four fifths of the squared error
+_ROUNDED = 1.1  # times the deviation of the rounding: a fifth of the squared error at most is something else
 _ONLY_NOISE = 1.5  # times the noise of a reading: half of the squared rest at most is something else
 
 
@@ -27,8 +28,8 @@ _ONLY_NOISE = 1.5  # times the noise of a reading: half of the squared rest at m
 class Left:
     """The error of a free run of the output that is followed worst, in its unit; `output` is its number from 0.
 
-    `noise` is the standard deviation of a reading, `size` the root mean square of the error, `constants` its median in
-    each experiment, and `rest` what is left without them.
+    `noise` is the standard deviation of a reading, `rounding` what its steps alone have, `size` the root mean square of
+    the error, `constants` its median in each experiment, and `rest` what is left without them.
     """
 
     noise: float
@@ -36,11 +37,19 @@ class Left:
     constants: tuple[float, ...]
     rest: float
     output: int
+    rounding: float = 0.0
 
     @property
     def times(self) -> float:
         """The error in noises of a reading; infinite of a record without noise."""
         return self.size / self.noise if self.noise > 0.0 else np.inf if self.size > 0.0 else 0.0
+
+    @property
+    def rounded(self) -> bool:
+        """Whether the rounding of the readings is the error: a reading depends on the input by it, and a model lacks
+        nothing.
+        """
+        return 0.0 < self.size <= _ROUNDED * self.rounding
 
     @property
     def many(self) -> bool:
@@ -82,7 +91,9 @@ def left_of(data: IOData, run: np.ndarray, n_init: int) -> Left:
     parts = [part for part in parts if len(part)]
     medians = [float(np.median(part)) for part in parts]
     deviations = np.concatenate([np.abs(part - m) for part, m in zip(parts, medians, strict=True)] or [[np.inf]])
-    return Left(noises[k], float(rms[k]), tuple(medians or [0.0]), _spread(deviations), k)
+    return Left(
+        noises[k], float(rms[k]), tuple(medians or [0.0]), _spread(deviations), k, rounding_deviation(data.y[:, k])
+    )
 
 
 def _spread(deviations: np.ndarray) -> float:
@@ -98,6 +109,11 @@ def systematic(e: Evaluation) -> str:
 def _close(e: Evaluation) -> bool:
     """Whether an error is not judged: within `CLOSE` points of all, of data that were fitted, of a prediction."""
     return not e.unseen or e.growing is not None or e.judged_fit >= 100.0 - CLOSE
+
+
+def rounded(e: Evaluation) -> bool:
+    """Whether the rounding of the readings is all that the model leaves."""
+    return e.growing is None and e.unseen and left_of(e.validation, e.validation_output, e.fit.n_init).rounded
 
 
 def constant(e: Evaluation) -> str:
