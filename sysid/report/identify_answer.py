@@ -148,7 +148,8 @@ def _gain(e: Evaluation) -> list[tuple[str, ...]]:
     u, y = figures.signals(e)
     q = y.per(u)
     low, high = q.factor * step.lower[-1], q.factor * step.upper[-1]
-    interval = f"{number(low)} to {number(high)}" if np.isfinite(high - low) else sections.NOT_KNOWN
+    known = high - low <= 2.0 * abs(q.factor * float(step.value[-1]))  # else not even its sign is sure
+    interval = f"{number(low)} to {number(high)}" if known else sections.NOT_KNOWN
     return [(f"gain, {step.x[-1]:.3g} s after a step", number(q.factor * float(step.value[-1])), interval, q.unit)]
 
 

@@ -71,6 +71,7 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
         if v.name.startswith("moving_friction"):
             name = WORDS[v.name.replace("moving_friction", "breakaway")]
             reason = reason.rpartition("break-away is not determined: ")[2]
+            name += _shown_at_rest(evaluation, v.name)
         elif v.determined:
             continue
         reason, *action = _ACTION.split(reason)
@@ -79,6 +80,14 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
     lines = [f"{capital(' and '.join(these))}: {reason}." for reason, these in names.items()]
     lines += [f"What to do: {'; '.join(actions)}."] if actions else []
     return " ".join(["Not determined.", *lines]) if lines else ""
+
+
+def _shown_at_rest(evaluation: Evaluation, name: str) -> str:
+    """That a record shows friction at rest to be higher, without showing how high; empty where it shows neither."""
+    way = f"{name.rpartition('_')[2]}ward"
+    parts = () if evaluation.joint_fit is None else evaluation.joint_fit.parts
+    is_shown = any(part.verdict == "shown" and part.words == f"higher friction at rest {way}" for part in parts)
+    return " (above the moving friction, but not by how much)" if is_shown else ""
 
 
 def decimals(width: float) -> int:

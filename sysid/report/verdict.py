@@ -150,7 +150,8 @@ def tests_in_words(evaluation: Evaluation) -> str:
     if t is None:
         return f"{capital(left_in_words(t, evaluation.notes))}."
     kind = "one-step-ahead residuals" if one_step(evaluation) else "residuals"
-    outside = f"{t.whiteness_outside} of {len(t.lags) - 1} lags outside"
+    level = f"{100 * t.level:g} % bound"
+    outside = f"autocorrelation beyond its {level} at {t.whiteness_outside} of {len(t.lags) - 1} lags"
     return (
         f"{capital(left_in_words(t))} ({kind}: {outside}; with the input, {probability(t.independence_p)})."
         f"{_no_voucher(evaluation)}"

@@ -27,6 +27,7 @@ from sysid.workflow.steps import Gain, NextStep
 
 LEAST = 2.0  # [s] of a budget that is not given: a linear model takes a tenth of it, one with maps most of it
 _WITH_PARTS = 5.0  # [s] of a joint that grows its parts, on 1000 samples
+_LONGER = "it needs more time than this fit took"
 REACH = 1.5  # times what the best step leaves, within which another one is said too, as a structure search goes on
 Attempt = Callable[[Setting, float | None, str], Evaluation]  # of a setting, a split and what is removed
 
@@ -106,7 +107,7 @@ def _try(
     split = change.pop("split", None) or result.split
     setting = changed_setting(result, **change)
     if seconds <= 0 or _expected(result, setting) > REACH * seconds:
-        return replace(step, missed="no time for it")
+        return replace(step, missed=_LONGER)
     setting = replace(setting, seconds=seconds)
     refused: list[str] = []
     try:
@@ -124,7 +125,7 @@ def _try(
     is_cut = e.fit.seconds >= setting.seconds or (e.joint_fit is not None and bool(e.joint_fit.stopped))
     gain = gain_of(result, step, e)
     if gain is None:
-        return replace(step, missed="no time for it") if is_cut else None
+        return replace(step, missed=_LONGER) if is_cut else None
     base = 100.0 - result.evaluation.judged_fit
     left = (
         base * (100.0 - gain.fit) / max(100.0 - gain.instead, 1e-9) if np.isfinite(gain.instead) else 100.0 - gain.fit

@@ -153,7 +153,7 @@ def test_a_joint_takes_no_time_from_what_fits_in_a_short_budget():
     (step,) = tried(result, [joint, *(s for s in proposals(result) if s.guess)], attempt, 2.0)
     assert "actuated_joint" not in asked
     assert "output_error" in asked
-    assert step.missed == "no time for it"
+    assert step.missed == "it needs more time than this fit took"
     tried(result, [joint], attempt, 10.0)
     assert asked[-1] == "actuated_joint"
 
