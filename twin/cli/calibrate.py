@@ -84,8 +84,9 @@ def calibrate(
         return _robot(
             model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json, rest
         )
-    assumed = joint is None
-    joint = joint or JOINT
+    named = joint or twin.Log.load(files[0], map).joint
+    assumed = named not in twin.JOINTS and joint is None
+    joint = JOINT if assumed else named
     from sysid.report.page import write
     from twin.calibrate import advice
     from twin.calibrate.calibration import calibrate as run
