@@ -48,7 +48,7 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     factor, unit = quantity.factor, quantity.unit
     if not v.determined:
         said = v.why.split(" (")[0] if v.why.startswith(("not reached", "below")) else NOT_KNOWN
-        return number(None), said.removesuffix(f" {unit}"), unit
+        return number(None), said.removesuffix(f" {unit}") if said.startswith("below") else said, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
