@@ -64,7 +64,7 @@ def tried(
     """
     budget = max(LEAST, result.evaluation.fit.seconds) if seconds is None else seconds
     end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
-    for step in sorted(steps, key=_turn):
+    for step in sorted(steps, key=lambda step: _turn(result, step, budget)):
         remaining = end - time.monotonic()
         outcome = _try(result, step, attempt, remaining, may_compile=seconds is not None) if budget else step
         if isinstance(outcome, _Trial):
@@ -85,14 +85,18 @@ def tried(
     return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, best.evaluation.tests) else ()))
 
 
-def _turn(step: NextStep) -> tuple[int, bool]:
-    """A linear model, which costs a fraction of a second, comes before others; of these what has evidence before a
-    guess.
+def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, bool]:
+    """What has evidence and leaves half of the budget comes first, then a linear model, which costs little; then other
+    evidence, and other guesses.
     """
     structure = step.change.get("structure")
     if structure in (OutputError.name, ProcessModel.name):
-        return 0, False
-    return 1 + step.guess, structure is not None
+        return 1, False
+    if not step.guess and structure is None and step.change:
+        change = {name: value for name, value in step.change.items() if name != "split"}
+        if _expected(result, changed_setting(result, **change)) <= 0.5 * budget:
+            return 0, False
+    return 2 + step.guess, structure is not None
 
 
 def _try(
