@@ -12,6 +12,7 @@ from shown import joint_fit
 
 import twin
 from sysid.joint.values import JointValue
+from sysid.report import identify_answer
 from sysid.report.answer import WORDS
 from sysid.report.sections import undetermined_in_words
 from sysid.structures import OutputError
@@ -90,3 +91,13 @@ def test_friction_at_rest_that_is_shown_and_not_measured_is_one_claim():
     assert "Break-away voltage up (above the moving friction, but not by how much): no starts." in said
     open_ = replace(found, parts=found.parts[1:])
     assert "above the moving" not in undetermined_in_words(SimpleNamespace(values=(value,), joint_fit=open_))
+
+
+@pytest.mark.parametrize(("half", "said"), [(0.2, r"1\.80* to 2\.20*"), (14.0, "not determined")])
+def test_a_gain_whose_sign_is_open_is_not_determined(half, said, monkeypatch):
+    result = identify_file(written("log.csv", OVEN, 4), Setting(OutputError(1, 1, 1), starts=1))
+    step = SimpleNamespace(x=np.array([0.0, 5.0]), value=np.array([0.0, 2.0]))
+    step.lower, step.upper = step.value - half, step.value + half
+    monkeypatch.setattr(identify_answer, "bands", lambda e: SimpleNamespace(step=step))
+    (row,) = [row for row in identify_answer.values(result.evaluation).rows if row[0].startswith("gain")]
+    assert re.fullmatch(said, row[2])
