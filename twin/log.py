@@ -4,6 +4,7 @@ And whether its numbers can be those of a joint of the leg.
 """
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 
 from sysid.base.checks import checked, short_text
 from sysid.base.errors import InputError, unknown
+from sysid.base.quantities import SHARE
 from sysid.channels.clock import contradiction_of_header, stated_sampling_time
 from sysid.channels.column import parse_header
 from sysid.channels.guess import guess
@@ -235,11 +237,17 @@ def _check_channels(signals: Signals) -> tuple[str, str]:
     return "V", "servo" if all(parse_header(s.column).has(REFERENCE - _COMMANDS) for s in signals.input) else "voltage"
 
 
+_CONVERTED = {"counts", "1", SHARE, "V", "A", "m", "rad"}  # what a mapping may turn into an angle or a voltage
 _COMMANDS = {"cmd", "command", "commanded"}  # a commanded voltage is a voltage
 
 
 def _wrong_unit(signals: Signals, signal: Signal, role: str, allowed: str, line: str) -> InputError:
     have = f"in {signal.unit}" if signal.unit else "in no known unit"
+    if signal.unit and signal.unit not in _CONVERTED:  # a temperature is no angle in another unit
+        return InputError(
+            f"{signals.path}: the {role} {signal.column!r} is {have}, and the twin is a leg, which needs {allowed}; "
+            f"for another plant: qpal identify {shlex.quote(str(signals.path))}"
+        )
     return InputError(
         f"{signals.path}: the {role} {signal.column!r} is {have}, and the twin needs {allowed}; set {line} of "
         f"[[{role}]] in a mapping (qpal info FILE --write-map MAP.toml) and give it with --map"

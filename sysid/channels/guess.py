@@ -47,6 +47,7 @@ from sysid.channels.roles import (
     is_switch,
     note_on_controller,
     note_on_direction,
+    note_on_left_out,
     switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
@@ -171,6 +172,7 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
                 if column.unit_conflict:
                     unclear.append(f"{column.unit_conflict}; say which as unit of [[{role}]] in a mapping")
     why += note_on_direction(roles["input"], signals)
+    why += note_on_left_out(roles, signals) if given.input is None else []
     switch, switch_note = (None, "") if given.drive is not None else switch_of(signals, table.names)
     if table is ruled and note:
         channels = {role: [_with_clock(table, clock, channel) for channel in channels[role]] for role in channels}

@@ -1,5 +1,6 @@
 """Which columns are the input and the output: by name, by unit, then by the numbers alone."""
 
+import shlex
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -41,6 +42,9 @@ SIGNALS_OF_LOG = ("voltage_V", "angle_rad")  # input and output of the logs that
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
 STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
 MANY = 6  # names in a sentence
+TOGETHER = "act together: "  # the options for all of several inputs follow
+_OF_SUPPLIES = ("", "V", "A", "W")
+_SAME_ORDER = np.sqrt(10.0)  # within which two ranges are of one order
 
 Columns = Mapping[str, Column]
 Roles = dict[str, Column | None]  # the column of the input and of the output
@@ -148,14 +152,20 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
         )
         return None
     if role == "input" and len(candidates) > 1:
-        supplies = [c for c in candidates if c.nearly_constant and not c.header.has(REFERENCE)]
+        supplies = [c for c in candidates if _is_supply(c, candidates)]
         if supplies and len(supplies) < len(candidates):
             names = " and ".join(repr(column.name) for column in supplies)
-            why.append(f"{names} barely varies, so it is taken for a supply and not for the input")
+            both = example(candidates, columns)
+            why.append(
+                f"{names} barely varies, so it is taken for a supply and not for the input"
+                f"{f'; if it is an input too: {both}' if both else ''}"
+            )
             candidates = [column for column in candidates if column not in supplies]
     if len(candidates) > 1:
         names = ", ".join(repr(column.name) for column in candidates[:MANY])
-        unclear.append(f"columns {names} may each be the {role}; name one with --{role}")
+        several = example(candidates, columns) if role == "input" else ""
+        several = f", or of inputs that {TOGETHER}{several}" if several else ""
+        unclear.append(f"columns {names} may each be the {role}; name one with --{role}{several}")
         return None
     if not candidates:
         return None
@@ -164,6 +174,32 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
     servo_note = ", a reference (the record of a servo)" if role == "input" and column.header.has(REFERENCE) else ""
     why.append(f"column {column.name!r} is the {role}{servo_note}: its {evidence} says so")
     return column
+
+
+def _is_supply(column: Column, candidates: Sequence[Column]) -> bool:
+    """Whether a column feeds what another one steers: it varies little beside its mean, has the unit of a voltage, a
+    current or a power, or none, and varies less, by an order, than an input in the same unit does.
+    """
+    unit = convert(column.header.unit).unit if column.header.unit else ""
+    if not column.nearly_constant or column.header.has(REFERENCE) or unit not in _OF_SUPPLIES:
+        return False
+    alike = [c for c in candidates if c is not column and c.header.unit == column.header.unit and not c.nearly_constant]
+    return all(_SAME_ORDER * np.ptp(column.finite) < np.ptp(c.finite) for c in alike if unit)
+
+
+def example(inputs: Sequence[Column], columns: Columns) -> str:
+    """The options that name several `inputs` and the output beside them; empty where they need a mapping file.
+
+    The output is the only other column that moves and that no name rules out.
+    """
+    names = [column.name for column in inputs]
+    rest = [c for c in columns.values() if not any(c is each for each in inputs) and not c.constant]
+    outputs = [c.name for c in rest if role_by_name(c) in ("", "output") and not c.header.has(SWITCH)]
+    by_name = [c.name for c in rest if role_by_name(c) == "output"]
+    output = by_name if len(by_name) == 1 else outputs
+    if len(names) < 2 or len(output) != 1 or any("," in name for name in (*names, *output)):
+        return ""
+    return f"--input {shlex.quote(','.join(names))} --output {shlex.quote(output[0])}"
 
 
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
@@ -201,6 +237,23 @@ def note_on_direction(column: Column | None, columns: Columns) -> list[str]:
         f"column {column.name!r} is never negative, and {ways[0]!r} may say which way it drives: if so, set direction"
         f' = "{brief(ways[0])}" in [[input]] of a mapping, which turns it round where that is 0 or below'
     ]
+
+
+def note_on_left_out(roles: Roles, columns: Columns) -> list[str]:
+    """What is said of columns in the unit of a guessed input, moving as much as it, that have no role."""
+    u, y = roles["input"], roles["output"]
+    if u is None or y is None or not u.header.unit or u.header.unit == y.header.unit:
+        return []
+    left = [
+        c
+        for c in columns.values()
+        if c is not u and c.header.unit == u.header.unit and not c.constant and role_by_name(c) in ("", "input")
+    ]
+    left = [c for c in left if np.ptp(u.finite) <= _SAME_ORDER * np.ptp(c.finite)]
+    both = example([u, *left], {c.name: c for c in (u, y, *left)})
+    if not both:
+        return []
+    return [f"{list_names([c.name for c in left])} left out, in the unit of the input; if inputs too: {both}"]
 
 
 def is_switch(header: Header) -> bool:
@@ -266,6 +319,10 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
     if len(free) - len(frozen) >= len(missing):
         options = " and one with ".join(f"--{role}" for role in missing)
         shown = clock if len(clocks) > 1 else ""
+        inputs = [c for c in _candidates({c.name: c for c in free}, "input") if not c.constant]
+        if options_of_all := example(inputs, {c.name: c for c in signals.values()}) if roles["input"] is None else "":
+            question = f"which are inputs, which is the output? For example, of inputs that {TOGETHER}"
+            return [f"{inventory}{shown}{frozen_note}; {question}{options_of_all}"]
         return [f"{inventory}{shown}{frozen_note}; name one with {options}, or in the mapping file of --map"]
     left_open = " and the ".join(missing)
     omissions = "".join(f"; {note}" for note in table.notes if note.startswith("left out what"))

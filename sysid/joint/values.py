@@ -282,8 +282,11 @@ def _check_precision(
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))
     if not std > _LARGEST_DEVIATION * least:
         return row
-    reason = f"uncertain by {spread_in_words(std / max(least, 1e-300))}{f', {row.why}' if row.why else ''}"
     servo = "speed_full_drive" in readings
+    reason = f"uncertain by {spread_in_words(std / max(least, 1e-300))}{f', {row.why}' if row.why else ''}"
+    if servo and volts and np.isfinite(std) and least <= 2.0 * std:  # as good as none: a bound says more
+        most = abs(read(spread.noise.theta)) + norm.ppf(0.95) * std
+        reason = f"below {quantities.number(most, 2)} {readings[name][0]} (95 %)"
     more = "record slow ramps of the goal as well" if servo else "record the next experiment (qpal design FILE)"
     return ValueEvidence(False, f"{reason}: {more}", row.counts)
 

@@ -22,6 +22,9 @@ from sysid.structures import hammerstein_wiener, output_error
 
 LEAST = 80.0  # [%] a joint's free run over the record that it was fitted to
 DRY = 0.03  # of the deviation of the input: dry friction of a motor that drives a joint; filters come to below 0.01
+# Of the samples: a servo whose drive is at its limit so often follows a large step slower than a small one, as no
+# filter does. By noise alone its readings pass a limit that it keeps below in hardly any.
+LIMITED = 0.05
 # A filter's output settles where its input holds it: read as a motor, it works against a spring that takes the whole
 # range of the input. Friction of a share of that spring would hold a motor where it is.
 SPRING, HELD = 0.7, 0.15
@@ -84,10 +87,10 @@ class Verdict:
 def verdict(joint: JointFit, data: IOData) -> Verdict:
     """Whether the joint that was fitted to `data` explains it as a joint would.
 
-    A joint's free run must come to `LEAST` over the record. Its motor must have dry friction or strike a stop; without
-    both it is a linear filter under another name. Output-error and Hammerstein-Wiener models must not explain the
-    record better: neither by BIC over the whole record, unless the joint is clearly better in free run over parts that
-    neither was fitted to, nor on these parts.
+    A joint's free run must come to `LEAST` over the record. Its motor must have dry friction, strike a stop or, of a
+    servo, come to the limit of its drive; without them it is a linear filter under another name. Output-error and
+    Hammerstein-Wiener models must not explain the record better: neither by BIC over the whole record, unless the joint
+    is clearly better in free run over parts that neither was fitted to, nor on these parts.
     """
     judgement = _judge(joint, data)
     friction = judgement.friction * float(np.std(data.u))
@@ -109,7 +112,8 @@ def _judge(joint: JointFit, data: IOData) -> Verdict:
             joint=False,
             reason=f"no joint explains it (fit of the free run {max(seen_percent, 0.0):.0f} % where fitted)",
         )
-    if friction < DRY and not any(test.met for test in stop_tests(fit, data).values()):  # no filter strikes a stop
+    bends = _limited(fit, data) > LIMITED or any(test.met for test in stop_tests(fit, data).values())
+    if friction < DRY and not bends:  # no filter strikes a stop
         return replace(
             judgement,
             joint=False,
@@ -153,6 +157,16 @@ def _spring(fit: Fit, data: IOData) -> float:
 def _is_servo(fit: Fit) -> bool:
     """Whether the input is a goal."""
     return isinstance(motor_of(fit.model), ServoMotor)
+
+
+def _limited(fit: Fit, data: IOData) -> float:
+    """Share of the samples in which a servo's drive is at its limit; 0 of another motor."""
+    chain, motor = fit.model, motor_of(fit.model)
+    if not isinstance(motor, ServoMotor):
+        return 0.0
+    part = chain.part(fit.theta, motor)
+    drive = motor.value(part, "kp") * np.abs(data.u[:, 0] - data.y[:, 0])
+    return float(np.mean(drive[data.observed[:, 0]] > motor.value(part, "limit")))
 
 
 def _loads(fit: Fit, data: IOData) -> np.ndarray:

@@ -12,11 +12,12 @@ from sysid.drawing.figure import Figure
 from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import runs_figure
 from sysid.report import figures, sections, verdict
-from sysid.report.answer import POOR, USABLE, Answer, Word, short
+from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
 from sysid.report.bands import bands
 from sysid.report.page import Grid, Picture
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.what_is_left import rounded, systematic
 
 SLOWEST = 3  # time constants
 
@@ -36,14 +37,18 @@ def answer(result: Identification, model: str = "") -> Answer:
 
 
 def word(result: Identification) -> Word:
-    """As `worth` says; sound on unseen data if nothing is left to try; poor also where it goes against its record.
+    """As `worth` says; sound on unseen data if nothing is left to try and no error is systematic; poor also where it
+    goes against its record.
 
     A prediction some steps ahead that is poor, but misses less than half of its data, is usable.
     """
     e = result.evaluation
     if _bad(e) or _wrong(e) or _spoilt(result):
         return POOR
-    is_sound = result.next is None and e.unseen and not verdict.no_joint(e) and not _computed(result)
+    is_sound = result.next is None and e.unseen and not verdict.no_joint(e)
+    is_sound = is_sound and not _computed(result) and not systematic(e)
+    if is_sound and e.judged_fit >= residuals.POOR and rounded(e):
+        return GOOD
     found = worth(e.judged_fit, e.tests, is_sound)
     return USABLE if found == POOR else found
 
@@ -84,7 +89,8 @@ def sentence(result: Identification) -> str:
         return "All of the record was used for the fit, so no fit to unseen data is known."
     if said := _computed(result):
         return f"{capital(said)}."
-    left = verdict.left_in_words(e.tests, e.notes)
+    left = systematic(e) or ("what is left is the rounding of the readings" if rounded(e) else "")
+    left = left or verdict.left_in_words(e.tests, e.notes)
     return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
 
 
@@ -146,7 +152,8 @@ def _gain(e: Evaluation) -> list[tuple[str, ...]]:
     u, y = figures.signals(e)
     q = y.per(u)
     low, high = q.factor * step.lower[-1], q.factor * step.upper[-1]
-    interval = f"{number(low)} to {number(high)}" if np.isfinite(high - low) else sections.NOT_KNOWN
+    known = high - low <= 2.0 * abs(q.factor * float(step.value[-1]))  # else not even its sign is sure
+    interval = f"{number(low)} to {number(high)}" if known else sections.NOT_KNOWN
     return [(f"gain, {step.x[-1]:.3g} s after a step", number(q.factor * float(step.value[-1])), interval, q.unit)]
 
 

@@ -1,6 +1,7 @@
 """The first screen of `qpal run`: how much of a record a saved model explains, or which of several does best."""
 
 from sysid.base.quantities import capital, percent
+from sysid.diagnosis.residuals import CLOSE
 from sysid.diagnosis.worth import worth
 from sysid.report import saved_models_parts as parts
 from sysid.report.answer import POOR, Answer, Word, short
@@ -9,6 +10,7 @@ from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import ModelRun, Models
 from sysid.workflow.saved import fell, unfit
+from sysid.workflow.what_is_left import WORSE, Left, left_of, slow
 
 
 def of_run(result: ModelRun | InputRun) -> Answer:
@@ -42,17 +44,39 @@ _CAPTION = (
 
 
 def word(result: ModelRun) -> Word:
-    """As `worth` says; sound where the fit does not fall behind that of the estimation data, and the file does not warn
-    of the model."""
+    """As `worth` says; sound where the fit does not fall behind that of the estimation data, no error is systematic,
+    and the file does not warn of the model."""
     is_sound = fell(result.model.estimation, result.percent) is None and not unfit(result.model.fit)
-    return worth(result.percent, result.tests, is_sound)
+    return worth(result.percent, result.tests, is_sound and not (constant(result) or unexplained(result)))
 
 
 def sentence(result: ModelRun) -> str:
     """Why the word."""
-    fall = fell(result.model.estimation, result.percent)
-    text = result.next.why if result.next is not None else fall or left_in_words(result.tests, result.notes)
-    return f"{capital(text)}."
+    text = constant(result) or (result.next.why if result.next is not None else "")
+    text = text or fell(result.model.estimation, result.percent) or unexplained(result)
+    return f"{capital(text or left_in_words(result.tests, result.notes))}."
+
+
+def constant(result: ModelRun) -> str:
+    """That the error is mostly a constant; empty of another one, and where it counts as nothing."""
+    several = result.data.y.shape[1] > 1
+    left = _left(result)
+    name = f"output {left.output + 1}" if several else result.data.y_name
+    return "" if result.percent >= 100.0 - CLOSE else left.constant(name, result.data.y_unit)
+
+
+def unexplained(result: ModelRun) -> str:
+    """Why an error that noise does not explain keeps the model from being good here; empty where nothing says so."""
+    left, was = _left(result), result.model.estimation
+    if result.percent >= 100.0 - CLOSE or not left.many:
+        return ""
+    if was is not None and 100.0 - result.percent > WORSE * (100.0 - was):
+        return f"the error is {left.multiple}, and the fit on the estimation data was {percent(was)}"
+    return slow(left, result.model.fit, result.tests)
+
+
+def _left(result: ModelRun) -> Left:
+    return left_of(result.data, result.output, result.n_init)
 
 
 def _next(result: ModelRun) -> str:

@@ -47,7 +47,8 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
     quantity = display_quantity(v.name, v.unit)
     factor, unit = quantity.factor, quantity.unit
     if not v.determined:
-        return number(None), v.why.split(" (")[0] if v.why.startswith("not reached") else NOT_KNOWN, unit
+        said = v.why.split(" (")[0] if v.why.startswith(("not reached", "below")) else NOT_KNOWN
+        return number(None), said.removesuffix(f" {unit}") if said.startswith("below") else said, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
     digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
@@ -70,6 +71,7 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
         if v.name.startswith("moving_friction"):
             name = WORDS[v.name.replace("moving_friction", "breakaway")]
             reason = reason.rpartition("break-away is not determined: ")[2]
+            name += _shown_at_rest(evaluation, v.name)
         elif v.determined:
             continue
         reason, *action = _ACTION.split(reason)
@@ -78,6 +80,14 @@ def undetermined_in_words(evaluation: Evaluation) -> str:
     lines = [f"{capital(' and '.join(these))}: {reason}." for reason, these in names.items()]
     lines += [f"What to do: {'; '.join(actions)}."] if actions else []
     return " ".join(["Not determined.", *lines]) if lines else ""
+
+
+def _shown_at_rest(evaluation: Evaluation, name: str) -> str:
+    """That a record shows friction at rest to be higher, without showing how high; empty where it shows neither."""
+    way = f"{name.rpartition('_')[2]}ward"
+    parts = () if evaluation.joint_fit is None else evaluation.joint_fit.parts
+    is_shown = any(part.verdict == "shown" and part.words == f"higher friction at rest {way}" for part in parts)
+    return " (above the moving friction, but not by how much)" if is_shown else ""
 
 
 def decimals(width: float) -> int:

@@ -14,6 +14,7 @@ from sysid.report.bands import bands
 from sysid.report.sections import model_in_words, one_step
 from sysid.workflow.evaluation import APART, OVERFITTED
 from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.what_is_left import rounded
 
 NO_VOUCHER = 50.0  # [%] of fit in validation, below which passed tests need a word of warning
 CLOSE = 90.0  # [%] fit of a free run that is close to the data
@@ -106,7 +107,7 @@ def too_narrow(e: Evaluation) -> str:
         )
     elif bad(e):
         reason = f"the {e.judged} explains only {percent(e.judged_fit)} of the {e.part}"
-    elif e.tests is not None and not e.tests.independent:
+    elif e.tests is not None and not e.tests.independent and not rounded(e):
         reason = "the residuals depend on the input"
     if not reason:
         return ""
@@ -149,7 +150,8 @@ def tests_in_words(evaluation: Evaluation) -> str:
     if t is None:
         return f"{capital(left_in_words(t, evaluation.notes))}."
     kind = "one-step-ahead residuals" if one_step(evaluation) else "residuals"
-    outside = f"{t.whiteness_outside} of {len(t.lags) - 1} lags outside"
+    level = f"{100 * t.level:g} % bound"
+    outside = f"autocorrelation beyond its {level} at {t.whiteness_outside} of {len(t.lags) - 1} lags"
     return (
         f"{capital(left_in_words(t))} ({kind}: {outside}; with the input, {probability(t.independence_p)})."
         f"{_no_voucher(evaluation)}"

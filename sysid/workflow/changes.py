@@ -44,7 +44,7 @@ def command(
         words += [
             "--structure",
             name,
-            *(recipe_options(s.recipe) if changed or not structure else []),
+            *(recipe_options(s.recipe) if changed or not structure or s.recipe != type(s.recipe)() else []),
             *s.held.options(),
         ]
         count = STARTS if s.held.start is not None else count  # a saved fit is the only start
@@ -70,13 +70,25 @@ def changed_setting(
     """How the command of the same changes fits, without a search over structures."""
     s = result.asked or result.evaluation.setting
     if structure is not None:
-        return Setting(TABLE[structure](**changed), starts=starts or STARTS, seed=s.seed, knots=s.knots)
+        kept = _shared(s.recipe, TABLE[structure]) | changed
+        return Setting(TABLE[structure](**kept), starts=starts or STARTS, seed=s.seed, knots=s.knots)
     held = s.held.without_start() if anew or changed else s.held
     # A structure whose record counts from zero has its own search.
     search = "auto" if s.recipe.zero else s.search
     lost = held.start is None and s.held.start is not None
     count = starts or (STARTS if lost else s.starts)
     return Setting(replace(s.recipe, **changed), search, count, s.seed, held, knots=s.knots)
+
+
+def _shared(recipe: Recipe, other: type[Recipe]) -> dict[str, Any]:
+    """The settings but orders and maps that were given and that another structure has too."""
+    plain, theirs = type(recipe)(), other.options()
+    return {
+        name: getattr(recipe, name)
+        for name, option in recipe.options().items()
+        if option.kind in ("name", "number") and theirs.get(name) == option
+        if getattr(recipe, name) != getattr(plain, name)
+    }
 
 
 def detrend_after(result: Identification, structure: str) -> str:

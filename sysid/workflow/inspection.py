@@ -2,6 +2,7 @@
 
 import os
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,14 +16,17 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
 from sysid.channels.reading import Mapping, complete, read_map_of, sample
+from sysid.channels.roles import TOGETHER
 from sysid.channels.signals import Signals
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.signals import MAP_FILE
 from sysid.formats import TABLE, read_table
+from sysid.structures import ServoJoint
 from sysid.workflow.evaluation import check_parts
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import check_moving
+from sysid.workflow.servo import is_of_servo
 
 LONGEST = 20_000  # samples that the advice looks at
 
@@ -82,6 +86,9 @@ class Inspection:
 
         Empty where no command helps: `problem` or `obstacle` then says what does.
         """
+        together = next((text.partition(TOGETHER)[2] for text in self.unclear[:1] if TOGETHER in text), "")
+        if together and self.unwritten is not None:
+            return f"{shlex.join(['qpal', 'identify', str(self.path)])} {together}"
         if self.unwritten is not None:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
         if self.obstacle or (self.problem and not self.repairs):
@@ -167,9 +174,17 @@ def inspect_file(
         options,
         _options(given, range, None, needs_map=False) if not file and (repairs or unclear) else None,
         _obstacle(signals),
-        # A delay is an order of every model, and says nothing of which one to fit.
-        next((a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"), ("identify",)),
+        _first_command(signals, findings),
     )
+
+
+def _first_command(signals: Signals | None, findings: Sequence[Advice]) -> tuple[str, ...]:
+    """The command for this record without its file; a delay is an order of every model, and does not say which."""
+    advised = [a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"]
+    first = next(iter(advised), ("identify",))
+    if first[0] == "identify" and signals is not None and is_of_servo(signals):
+        return "identify", "--structure", ServoJoint.name
+    return first
 
 
 def sampling_facts(signals: Signals) -> dict[str, Any]:

@@ -22,13 +22,16 @@ from sysid.structures import (
     NonlinearStateSpace,
     OutputError,
     ProcessModel,
+    ServoJoint,
 )
 from sysid.workflow.advice_after_fit import holds
 from sysid.workflow.changes import STARTS, command
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
 from sysid.workflow.remarks import extrapolated_signals, gain_remarks
 from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.servo import is_of_servo
 from sysid.workflow.steps import NextStep
+from sysid.workflow.what_is_left import unexplained
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
@@ -66,15 +69,20 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
     if e.joint is not None and not e.joint.joint:
         return (_no_joint,)
     if e.outputs:
-        return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general) if is_bad else ()
+        if is_bad:
+            return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general)
+        return (_nonlinear, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _no_maps)
-        return (*rules, _process, _sizes, _more_starts, _search_structures, _other_kind)
+        rules = (_ends, _servo, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
+        return (*rules, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_more_starts, _no_maps, _process, _undetermined)
+        return (_process, _servo, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        return (_ends, _nonlinear, _delay, _undetermined, _offset, _no_maps, _process, _sizes, _search_structures)
+        smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
+        depends = e.tests is not None and not e.tests.independent
+        # A search costs minutes: it is for an error that noise or a constant does not explain.
+        return (*smaller, _search_structures) if depends or unexplained(e) else smaller
     return (_undetermined,)
 
 
@@ -133,7 +141,7 @@ def _no_joint(result: Identification) -> NextStep | None:
         return NextStep("this record is too short to show a joint", shlex.join(words))
     reason = "the record is not that of an actuated joint"
     if result.selection is None:
-        return _step(reason, result, structure="auto")
+        return _step(f"{reason}{_left_out(result)}", result, structure="auto")
     if not poor(e.judged_fit, e.tests):  # it predicts better than what the search passed over
         return None
     reason = f"{reason}, which the search chose"
@@ -150,6 +158,16 @@ def _ends(result: Identification) -> NextStep | None:
         return None
     reason = f"{rests.partition(':')[0]}, and this model has no end stops"
     return _step(reason, result, structure=ActuatedJoint.name)
+
+
+def _servo(result: Identification) -> NextStep | None:
+    """The input is a goal by its name, and the model has no loop; a structure search has tried one that has."""
+    recipe = result.evaluation.setting.recipe
+    if result.selection is not None or recipe.with_parts or not is_of_servo(result.record.signals):
+        return None
+    if result.plan.preparation.filter[0] is not None:  # its goals and angles would not count from zero
+        return None
+    return _step("the input is a goal, and this model has no servo's loop", result, structure=ServoJoint.name)
 
 
 def _loop(result: Identification) -> NextStep | None:
@@ -269,7 +287,15 @@ def _search_structures(result: Identification) -> NextStep | None:
     """Another structure or size, by a search that validates candidates on data not used in their fit."""
     if result.selection is not None:
         return None
-    return _step(_lack(result.evaluation), result, structure="auto", starts=2)
+    return _step(f"{_lack(result.evaluation)}{_left_out(result)}", result, structure="auto", starts=2)
+
+
+def _left_out(result: Identification) -> str:
+    """Which known values a search does not take."""
+    recipe = (result.asked or result.evaluation.setting).recipe
+    known = [name for name in recipe.of_kind("number") if getattr(recipe, name) != getattr(type(recipe)(), name)]
+    names = " and ".join(f"--{name.replace('_', '-')}" for name in known)
+    return f" (a search does not take {names})" if names else ""
 
 
 def _lack(e: Evaluation) -> str:

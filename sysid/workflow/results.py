@@ -323,11 +323,19 @@ def named_channels(e: Evaluation, signals: Signals) -> Evaluation:
         for role_signals in (signals.input, signals.output)
     ]
     outputs = zip(e.outputs, names[1], signals.output, strict=True)
+    named = {f"{role}{k}": name for role, each in zip("uy", names, strict=True) for k, name in enumerate(each, 1)}
     return replace(
         e,
+        notes=tuple(_with_name(note, named) for note in e.notes),
         inputs=tuple((name, s.unit) for name, s in zip(names[0], signals.input, strict=True)),
         outputs=tuple(replace(output, name=name, unit=s.unit) for output, name, s in outputs),
     )
+
+
+def _with_name(note: str, named: dict[str, str]) -> str:
+    """A note on a channel, which it begins with, with the name of the channel in the file."""
+    first, _, rest = note.partition(" was seen from ")
+    return f"{named[first]} was seen from {rest}" if rest and first in named else note
 
 
 def _distinct_names(names: list[str], columns: list[str]) -> list[str]:

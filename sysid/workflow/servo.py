@@ -7,6 +7,9 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.blocks.servo_motor import LOOPS
+from sysid.channels.column import parse_header
+from sysid.channels.roles import REFERENCE
+from sysid.channels.signals import Signals
 from sysid.data.wraps import turn_of
 from sysid.model.recipes import Recipe
 from sysid.structures import ServoJoint
@@ -37,6 +40,14 @@ def with_servo(recipe: Recipe, records: Sequence[Record]) -> tuple[Recipe, Recor
     gain = "an unknown kp" if kp is None else f"kp {kp:.4g}"
     note = f"the header names the servo's loop: {loop.upper()}, {gain} (shares of its largest drive per rad)"
     return replace(recipe, loop=loop, kp=kp), replace(first, remarks=(*first.remarks, note))
+
+
+def is_of_servo(signals: Signals) -> bool:
+    """Whether the input is a reference by its name, in the unit of the output: a goal that a servo goes to."""
+    if (len(signals.input), len(signals.output)) != (1, 1):
+        return False
+    (goal,), (place,) = signals.input, signals.output
+    return parse_header(goal.column).has(REFERENCE) and goal.unit == place.unit
 
 
 def with_turn(recipe: Recipe, record: Record) -> Record:

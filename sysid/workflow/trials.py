@@ -27,6 +27,7 @@ from sysid.workflow.steps import Gain, NextStep
 
 LEAST = 2.0  # [s] of a budget that is not given: a linear model takes a tenth of it, one with maps most of it
 _WITH_PARTS = 5.0  # [s] of a joint that grows its parts, on 1000 samples
+_LONGER = "it needs more time than this fit took"
 REACH = 1.5  # times what the best step leaves, within which another one is said too, as a structure search goes on
 Attempt = Callable[[Setting, float | None, str], Evaluation]  # of a setting, a split and what is removed
 
@@ -63,7 +64,7 @@ def tried(
     """
     budget = max(LEAST, result.evaluation.fit.seconds) if seconds is None else seconds
     end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
-    for step in sorted(steps, key=_turn):
+    for step in sorted(steps, key=lambda step: _turn(result, step, budget)):
         remaining = end - time.monotonic()
         outcome = _try(result, step, attempt, remaining, may_compile=seconds is not None) if budget else step
         if isinstance(outcome, _Trial):
@@ -84,10 +85,18 @@ def tried(
     return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, best.evaluation.tests) else ()))
 
 
-def _turn(step: NextStep) -> tuple[bool, int]:
-    """What has evidence comes before a guess, and a linear model, which costs least, before other models."""
+def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, bool]:
+    """What has evidence and leaves half of the budget comes first, then a linear model, which costs little; then other
+    evidence, and other guesses.
+    """
     structure = step.change.get("structure")
-    return step.guess, 1 if structure is None else 0 if structure in (OutputError.name, ProcessModel.name) else 2
+    if structure in (OutputError.name, ProcessModel.name):
+        return 1, False
+    if not step.guess and structure is None and step.change:
+        change = {name: value for name, value in step.change.items() if name != "split"}
+        if _expected(result, changed_setting(result, **change)) <= 0.5 * budget:
+            return 0, False
+    return 2 + step.guess, structure is not None
 
 
 def _try(
@@ -102,7 +111,7 @@ def _try(
     split = change.pop("split", None) or result.split
     setting = changed_setting(result, **change)
     if seconds <= 0 or _expected(result, setting) > REACH * seconds:
-        return replace(step, missed="no time for it")
+        return replace(step, missed=_LONGER)
     setting = replace(setting, seconds=seconds)
     refused: list[str] = []
     try:
@@ -120,7 +129,7 @@ def _try(
     is_cut = e.fit.seconds >= setting.seconds or (e.joint_fit is not None and bool(e.joint_fit.stopped))
     gain = gain_of(result, step, e)
     if gain is None:
-        return replace(step, missed="no time for it") if is_cut else None
+        return replace(step, missed=_LONGER) if is_cut else None
     base = 100.0 - result.evaluation.judged_fit
     left = (
         base * (100.0 - gain.fit) / max(100.0 - gain.instead, 1e-9) if np.isfinite(gain.instead) else 100.0 - gain.fit

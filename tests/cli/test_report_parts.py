@@ -156,6 +156,8 @@ def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_
     assert sections.value_cells(JointValue("delay", 0.02, None, None, "s")) == ("0.02000", sections.NOT_KNOWN, "s")
     unmet = JointValue("end_low", 1.0, None, None, "rad", False, "not reached: beyond 3 deg (it never rests there)")
     assert sections.value_cells(unmet) == ("–", "not reached: beyond 3 deg", "deg")
+    none = JointValue("coulomb_up", 0.0, None, None, "duty", False, "below 0.0021 duty (95 %): record slow ramps")
+    assert sections.value_cells(none) == ("–", "below 0.0021", "duty")
     hidden = JointValue("backlash", 1.0, None, None, "rad", False, "the link never crosses it")
     assert sections.value_cells(hidden) == ("–", sections.NOT_KNOWN, "deg")
     speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")

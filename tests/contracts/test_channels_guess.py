@@ -1,5 +1,7 @@
 """What a log says without a map: the unit of its clock, which column is which, and where there are two readings."""
 
+import shlex
+
 import numpy as np
 import pytest
 from rig_tables import table
@@ -7,6 +9,7 @@ from rig_tables import table
 from sysid import InputError
 from sysid.channels.guess import Given, guess
 from sysid.channels.reading import from_table
+from twin.cli import main
 
 
 @pytest.mark.parametrize(
@@ -116,6 +119,31 @@ def test_a_supply_is_no_input():
     found = guess(table(timestamp=0.005 * K, goal_position=goal, position=goal, input_volts=volts))
     assert found.mapping.input[0].column == "goal_position"
     assert any("'input_volts' barely varies" in sentence for sentence in found.why)
+
+
+@pytest.mark.parametrize("output", [None, "Level (cm)"])
+def test_two_inputs_in_one_unit_are_both_named(output, tmp_path, monkeypatch, capsys):
+    """A valve from 42 to 68 % varies within a third of its mean, as a supply, but as much as the pump beside it."""
+    pump, valve = (np.random.default_rng(seed).uniform(*ends, 200) for seed, ends in ((0, (36, 75)), (1, (42, 68))))
+    log = {"t (s)": np.arange(200.0), "Pump (%)": pump, "Valve (%)": valve, "Level (cm)": np.cumsum(pump - valve)}
+    units = {name: name.partition("(")[2].rstrip(")") for name in log}
+    found = guess(table(units, **log), Given(output=output))
+    assert not any("supply" in sentence for sentence in found.why)
+    options = "--input 'Pump (%),Valve (%)' --output 'Level (cm)'"
+    assert found.unclear[0].endswith(options)
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("tank.csv", np.column_stack(list(log.values())), delimiter=",", header=",".join(log), comments="")
+    given = ["tank.csv", *shlex.split(options), "--structure", "output_error", "--orders", "1,1,1", "--starts", "1"]
+    assert main(["identify", *given, "--trials", "0", "--out", "m"]) == 0  # the options that are named work
+    main(["info", "tank.csv"])
+    assert f"Next: qpal identify tank.csv {options}" in capsys.readouterr().out
+
+
+def test_a_column_in_the_unit_of_the_input_is_not_lost_silently():
+    log = {"Heater PWM (%)": 50 + 20 * np.sin(K), "Fan (%)": 50 + 20 * np.cos(K), "angle (deg)": np.sin(0.3 * K)}
+    found = guess(table({"Heater PWM (%)": "%", "Fan (%)": "%", "angle (deg)": "deg"}, **{"t (s)": 1.0 * K}, **log))
+    assert found.mapping.input[0].column == "Heater PWM (%)"
+    assert any("Fan (%) left out" in s and "--input 'Heater PWM (%),Fan (%)'" in s for s in found.why)
 
 
 @pytest.mark.parametrize(("warm", "unit"), [("T", "degC"), ("T_C", ""), ("T", "Nm"), ("t", "N"), ("T (K)", "")])

@@ -153,7 +153,7 @@ def test_a_joint_takes_no_time_from_what_fits_in_a_short_budget():
     (step,) = tried(result, [joint, *(s for s in proposals(result) if s.guess)], attempt, 2.0)
     assert "actuated_joint" not in asked
     assert "output_error" in asked
-    assert step.missed == "no time for it"
+    assert step.missed == "it needs more time than this fit took"
     tried(result, [joint], attempt, 10.0)
     assert asked[-1] == "actuated_joint"
 
@@ -190,7 +190,8 @@ def test_of_a_model_with_maps_the_linear_one_of_its_orders_is_tried_before_other
         return result.evaluation
 
     tried(result, [each for each in proposals(result) if each.guess], attempt, 100.0)
-    assert taken[0] == OutputError(1, 2, 2) == changed_setting(result, **step.change).recipe
+    assert taken[1] == OutputError(1, 2, 2) == changed_setting(result, **step.change).recipe
+    assert taken[0] == ProcessModel(kind="P2D")  # a delay in place of many orders
 
 
 def test_a_split_is_judged_on_the_samples_that_both_have_not_seen():

@@ -101,7 +101,7 @@ def test_passed_tests_do_not_vouch_for_a_model_that_fits_nothing():
     for given, fit, said in ((tests, -212.0, True), (tests, 40.0, False), (tests, 90.0, False)):
         words = in_words(replace(e, tests=given, validation_fit=fit))
         assert ("does not vouch for the model" in words) is said
-        assert f"(residuals: {given.whiteness_outside} of 25 lags outside; with the input, p = " in words
+        assert f"(residuals: autocorrelation beyond its 99 % bound at {given.whiteness_outside} of 25 lags" in words
         assert ("−212.00 %" in words) is said
     slow = residual_tests(lfilter([1], [1, -0.95], noise(1)), noise(2))
     assert not slow.white

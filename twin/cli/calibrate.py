@@ -84,7 +84,9 @@ def calibrate(
         return _robot(
             model, options.names(actuator), files, held, columns, kinds, options.seed(seed), limit, out, as_json, rest
         )
-    joint = joint or JOINT
+    named = joint or twin.Log.load(files[0], map).joint
+    assumed = named not in twin.JOINTS and joint is None
+    joint = JOINT if assumed else named
     from sysid.report.page import write
     from twin.calibrate import advice
     from twin.calibrate.calibration import calibrate as run
@@ -129,11 +131,20 @@ def calibrate(
             own = folder / advice.file_of_log(result, 0)
             use = f"Next, each log has a file: qpal compare {shlex.quote(files[0])} --joint {joint} --params {own}"
         page = report.page(result, result.next_step() or report.next_step(result) or use)
+        if assumed and page.answer is not None:
+            other = _of_any_motor(files, map)
+            said = f"No --joint is given, so the leg's {joint} was taken; any other motor: {other}."
+            page = replace(page, answer=replace(page.answer, sentence=f"{said} {page.answer.sentence}"))
         write(scratch, page, summary)
         advice.write(result, scratch / target.name)
     sentences = [*page.verdict, *report.undetermined_sentences(result), f"Parameters: {target}"]
     console.finish(folder, summary, as_json, report.tables(result), sentences, page.answer)
     return 0 if result.converged and not advice.useless(result) else 1
+
+
+def _of_any_motor(files: list[str], map: str | None) -> str:
+    """The command that identifies a motor which is no joint of the leg."""
+    return shlex.join(["qpal", "identify", *files, *options.given({"--map": map}), "--structure", "actuated_joint"])
 
 
 def _robot(

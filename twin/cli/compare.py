@@ -81,6 +81,11 @@ def compare(
         return
     parameters = options.parameters(params)
     _check_options(against, align, without, params, pot_side, realisation)
+    if against is not None and joint is None and _is_of_another_plant(file, against, map):
+        from twin.cli.run import run as run_saved
+
+        run_saved([against, file], map=map, out=out, as_json=as_json)
+        return
     from sysid.report.page import write
     from twin.report import compare as report
 
@@ -154,6 +159,16 @@ def _check_options(against: str | None, align: str, *of_twin: str | None) -> Non
             raise InputError(f"{name} belongs to the twin and --against {against} is given; leave one of the two out")
 
 
+def _is_of_another_plant(file: str, against: str, map: str | None) -> bool:
+    """Whether a log beside a saved model names no joint of the leg, as that of any other plant."""
+    if Path(against).suffix.lower() != ".json":
+        return False
+    try:
+        return twin.Log.load(file, map).joint == ""
+    except InputError:  # in other units than a leg's; a file that cannot be read is refused by the run too
+        return True
+
+
 def _joint(file: str, log: twin.Log, joint: str | None) -> str:
     """The joint to compare; raises InputError where log and option do not say it, or say two."""
     if joint is not None and joint not in twin.JOINTS:
@@ -162,7 +177,10 @@ def _joint(file: str, log: twin.Log, joint: str | None) -> str:
         raise unknown("joint", joint, twin.JOINTS)
     if log.joint in ("", twin.parameters.LEG):
         if joint is None:
-            raise InputError(f"{file} does not name one joint; give --joint ({', '.join(twin.JOINTS)})")
+            raise InputError(
+                f"{file} does not name one joint; give --joint ({', '.join(twin.JOINTS)}); a log of another "
+                "plant is compared with its own model: qpal run MODEL FILE"
+            )
         return joint
     if joint is not None and joint != log.joint:
         raise InputError(f"{file} is a log of the {log.joint} and --joint is {joint}; leave --joint out")
