@@ -74,8 +74,10 @@ def test_a_poor_fit_is_seen_and_the_step_that_was_tried_mends_it(page, served):
     for order in ("nb", "nf", "nk"):
         type_in(page, f"output_error-{order}", "1")
     type_in(page, "starts", "1")
+    assert page.execute_script("return window.scrollY") > 200
     click(page, "fit")
     fitted(page, "m1")
+    until(lambda: page.execute_script("return window.scrollY") == 0, "the way up to the answer")
     word = marked(page, "word")
     assert word.text == "poor"
     assert word.value_of_css_property("color") == RED
@@ -129,7 +131,7 @@ def test_a_search_finds_a_model_that_leaves_no_more_than_the_noise(page, served)
     record = np.loadtxt(served.session / "data" / "d2" / "log.csv", delimiter=",", skiprows=1)
     best = 100.0 * (1.0 - 0.02 / np.std(record[300:, 2]))
     shown = float(re.search(r"([\d.]+) %", marked(page, "verdict").text)[1])
-    assert best - 6.0 < shown < best + 1.0, percent(best)  # a short search on a busy machine
+    assert best - 1.0 < shown < best + 1.0, percent(best)
 
 
 def test_a_model_predicts_some_samples_ahead(page):

@@ -128,7 +128,7 @@ def test_a_search_finds_the_plant(desk):
     _, model = last(desk)
     assert model.asked == AUTO
     best = 100.0 * (1.0 - 0.02 / np.std(desk.record("d1").y[300:]))  # what the noise leaves
-    assert best - 6.0 < model.fit_validation < best + 1.0  # a short search on a busy machine
+    assert best - 1.0 < model.fit_validation < best + 1.0
 
 
 def test_what_was_done_last_is_taken_back(desk):

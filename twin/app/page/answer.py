@@ -27,6 +27,7 @@ class AnswerPanel(Panel):
         self.card.set_visibility(entry is not None and bool(entry.verdict.number))
         if shown is None or entry is None:
             return
+        ui.run_javascript("window.scrollTo({top: 0, behavior: 'smooth'})")  # the button of a fit is far below
         with ui.element("div").classes(f"qpal-verdict qpal-{entry.verdict.word or 'none'}").props("data-mark=verdict"):
             ui.label(f"{shown[1]}  {heading(entry)}").classes("text-body2 text-weight-bold break-words")
             _draw_verdict(entry.verdict)
