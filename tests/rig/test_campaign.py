@@ -81,6 +81,23 @@ def test_an_experiment_that_is_stopped_ends_the_campaign_and_its_journal_stays_u
     assert list(tmp_path.iterdir()) == []
 
 
+def test_no_experiment_goes_beyond_the_rig_time_also_with_the_way_to_where_it_begins(rig, monkeypatch):
+    """Pieces of a second that drive the joint to and fro, as many as fit, for a joint of which nothing is known."""
+    Ts, names = 0.02, [f"part {k}" for k in range(600)]
+    u = np.repeat([6.0, -6.0] * 300, 50)
+    phases = [SimpleNamespace(name=name, start=50 * k, stop=50 * (k + 1)) for k, name in enumerate(names)]
+    fit = SimpleNamespace(fit_percent=lambda data: 90.0)
+    monkeypatch.setattr("twin.rig.auto.fit_joint", lambda *_, **__: SimpleNamespace(fit=fit))
+    monkeypatch.setattr("twin.rig.auto.searched_from", lambda fit, others, data: fit)
+    monkeypatch.setattr("twin.rig.auto.joint_values", lambda *_, **__: ())
+    monkeypatch.setattr("twin.rig.auto.design", lambda *_, **__: SimpleNamespace(u=u, Ts=Ts, phases=phases))
+    with rig() as (_, link, calibration):
+        budget = link.rig_seconds + 125.0 + 60.0
+        result = campaign(link, calibration, budget=budget)
+    assert len(result.rounds) == 3
+    assert budget - 10.0 < result.rig_seconds <= budget
+
+
 def test_each_record_is_searched_from_where_the_others_lead(monkeypatch):
     asked, log = [], SimpleNamespace(io=lambda: None)
     first, second, better = (SimpleNamespace(name=n, fit_percent=lambda _: 95.0) for n in ("first", "second", "better"))

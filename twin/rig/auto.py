@@ -159,12 +159,13 @@ def campaign(
     """
     done = Campaign(calibration.joint, (), link.rig_seconds)
     given = first_input(calibration, seed)
+    assert calibration.low_counts is not None
+    assert calibration.high_counts is not None
+    assert calibration.crossing is not None
+    to_middle = 2.0 * calibration.crossing  # [s] from end to end, at the most
     for number in range(1, most + 1):
         step(f"experiment {number} of at most {most}: {given.source}, {len(given.u) * given.Ts:.0f} s")
-        assert calibration.low_counts is not None
-        assert calibration.high_counts is not None
-        assert calibration.crossing is not None
-        go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, 2.0 * calibration.crossing)
+        go_to_middle(link, calibration, calibration.low_counts, calibration.high_counts, to_middle)
         levels = check_input(given, calibration)
         setup = calibration.setup(link.identity.full, calibration.patience(levels, given.Ts))
         with around(number, given, levels):
@@ -194,9 +195,9 @@ def campaign(
             plan = design(fit, data, targets, calibration.largest, seed=seed + number, Ts=TS, to_stops=True)
         except InputError as error:
             return replace(done, stopped=f"no next experiment can be designed: {error}")
-        left = (budget - link.rig_seconds) * (PART if number + 1 < most else 1.0)
-        given = shortened(plan, left, calibration.largest)
-        if len(given.u) * given.Ts > max(budget - link.rig_seconds, LEAST):
+        left = budget - link.rig_seconds - to_middle
+        given = shortened(plan, left * (PART if number + 1 < most else 1.0), calibration.largest)
+        if len(given.u) * given.Ts > left:
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
 
