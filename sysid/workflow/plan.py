@@ -97,9 +97,12 @@ def _levels(records: Sequence[Record], signals: Sequence[str]) -> tuple[str, ...
             roles.append("inputs" if role == "u" else "outputs")
     if not roles:
         return ()
+    own = (
+        "--offset each gives it one" if roles == ["outputs"] and "u" in signals else "subtract it from each file first"
+    )
     return (
-        f"the levels of the {' and '.join(roles)} differ from file to file by more than they move within one, and one "
-        "zero counts for all; where each file has a zero of its own, subtract it from each file first",
+        f"the levels of the {' and '.join(roles)} differ from file to file by more than they move within one; where "
+        f"each file has a zero of its own, {own}",
     )
 
 

@@ -110,3 +110,25 @@ def test_a_saved_model_on_a_record_with_another_zero(capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert "◐ usable: of the record" in said
     assert re.search(r"The error is a constant −1\.[45]\d* degC: another zero; apart from it only noise\.", said)
+
+
+@pytest.mark.parametrize("offset", ["free", "each"])
+def test_the_difference_between_logs_is_nothing_that_a_model_explains(capsys, offset):
+    """Noise about three levels, beside an input that does nothing: 97 % about the common mean."""
+    zeros = (0.0, 50.0, -30.0)
+    logs = [written(f"w{k}.csv", {"u": levels(k)}, zero + 10.0 * noise(10 + k)) for k, zero in enumerate(zeros)]
+    options = ["--structure", "output_error", "--orders", "1,1,1", "--starts", "1", "--offset", offset]
+    main(["identify", *logs, *options, "--trials", "0", "--out", "o"])
+    out = capsys.readouterr().out
+    assert GOOD not in out.splitlines()[0]
+    assert re.search(r"Within a log the model explains −?\d\.\d+ %; the rest is the difference between the logs\.", out)
+
+
+def test_a_model_that_follows_each_of_several_logs_is_good(capsys):
+    logs = [written(f"g{k}.csv", {"u": levels(k)}, 40.0 * k + lag(levels(k)) + noise(k)) for k in range(3)]
+    options = ["--structure", "output_error", "--orders", "1,1,1", "--starts", "1", "--offset", "each"]
+    main(["identify", *logs, *options, "--trials", "0", "--out", "o"])
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert GOOD in first
+    (note,) = [line for line in rest if "levels of the outputs differ" in line]
+    assert note.endswith("where each file has a zero of its own, --offset each gives it one.")
