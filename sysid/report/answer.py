@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from sysid.diagnosis.worth import Word
 from sysid.drawing.figure import Figure
 from sysid.report.pieces import Grid, Picture
 
+Word = Literal["good", "usable", "poor"]  # as `sysid.diagnosis.worth` gives it, which loads SciPy
 GOOD, USABLE, POOR = Word.__args__  # type: ignore[attr-defined]
 MARKS: dict[str, str] = {GOOD: "●", USABLE: "◐", POOR: "▲"}  # told apart without their colours
 MOST = 5  # values

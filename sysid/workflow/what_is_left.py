@@ -43,7 +43,8 @@ class Left:
     @property
     def times(self) -> float:
         """The error in noises of a reading; infinite of a record without noise."""
-        return self.size / self.noise if self.noise > 0.0 else np.inf if self.size > 0.0 else 0.0
+        with np.errstate(over="ignore"):
+            return float(np.divide(self.size, self.noise)) if self.noise > 0.0 else np.inf if self.size > 0.0 else 0.0
 
     @property
     def rounded(self) -> bool:
@@ -62,6 +63,7 @@ class Left:
         """The error beside the noise, in words."""
         return f"{number(self.times, 2)} times the noise of a reading" if np.isfinite(self.times) else "no noise"
 
+    @np.errstate(over="ignore", invalid="ignore")
     def constant(self, name: str, unit: str) -> str:
         """The sentence on an error that is mostly a constant; empty for another one. `name`, `unit` of the output."""
         shift = float(np.sqrt(np.mean(np.square(self.constants))))
@@ -87,7 +89,8 @@ def left_of(data: IOData, run: np.ndarray, n_init: int) -> Left:
     rms = np.nan_to_num(rms, nan=np.inf)
     ends = np.cumsum(data.lengths)[:-1]
     noises = [float(np.median([noise_level(part) for part in np.split(y, ends)])) for y in data.y.T]
-    k = int(np.argmax([r / n if n > 0.0 else np.inf for r, n in zip(rms, noises, strict=True)]))
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+        k = int(np.argmax(np.nan_to_num(rms / np.array(noises), nan=0.0, posinf=np.inf)))
     parts = [part[np.isfinite(part)] for part in np.split(error[:, k], ends)]
     parts = [part for part in parts if len(part)]
     medians = [float(np.median(part)) for part in parts]

@@ -11,6 +11,7 @@ import pytest
 
 import sysid
 from sysid.channels.mapping import Range
+from sysid.report import saved_models_answer
 from sysid.report.saved_models_answer import of_run, word
 from sysid.workflow.design import Proposal
 from sysid.workflow.model_run import run_file
@@ -109,7 +110,9 @@ def test_the_step_of_a_design_reads_the_new_record_as_the_first():
         (95.0, True, (f"{UNFIT}the gain has the WRONG SIGN",), "usable"),
     ],
 )
-def test_a_run_is_called_good_by_the_rule_of_identify(percent, is_independent, warnings, said):
+def test_a_run_is_called_good_by_the_rule_of_identify(percent, is_independent, warnings, said, monkeypatch):
+    for name in ("constant", "unexplained"):  # of what is left beside the noise of a reading
+        monkeypatch.setattr(saved_models_answer, name, lambda result: "")
     model = SimpleNamespace(estimation=96.0, fit=SimpleNamespace(warnings=warnings))
     tests = SimpleNamespace(white=False, independent=is_independent)
     assert word(SimpleNamespace(next=None, percent=percent, tests=tests, model=model)) == said

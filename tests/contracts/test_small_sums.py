@@ -7,8 +7,8 @@ import pytest
 
 from sysid.data.resampling import mean_of_held
 from sysid.diagnosis.low_order import _lies_within
-from sysid.diagnosis.residuals import explained
 from sysid.diagnosis.whitening import _freedom
+from sysid.diagnosis.worth import worth
 
 
 def test_the_roots_of_a_polynomial_lie_within_a_circle_as_numpy_finds_them():
@@ -47,5 +47,6 @@ def test_the_mean_over_a_step_without_width_is_the_value_there():
     ("percent", "independent", "told"), [(99.6, False, True), (99.4, False, False), (85.0, True, True)]
 )
 def test_what_is_left_counts_where_it_is_half_a_point(percent, independent, told):
-    assert explained(percent, SimpleNamespace(independent=independent)) is told
-    assert explained(percent, None)
+    tests = SimpleNamespace(independent=independent, white=False)
+    assert worth(percent, tests) == ("good" if told else "usable")
+    assert worth(percent, None) == "good"

@@ -362,7 +362,7 @@ def test_values_without_determination_name_each_reason_and_each_record_once():
         JointValue("end_high", 0.9, None, None, "rad", False, "not reached"),
         JointValue("backlash", 0.9, None, None, "rad", False, f"{why.format('slow')}: record longer"),
     ]
-    words = undetermined_in_words(SimpleNamespace(values=found))
+    words = undetermined_in_words(SimpleNamespace(values=found, joint_fit=None))
     assert words == (
         "Not determined. Break-away voltage up: no up starts from rest. Break-away voltage down: no down starts "
         "from rest. Upper end stop: not reached. Backlash: no slow starts from rest. What to do: record rising pulses "

@@ -227,6 +227,10 @@ RULES: tuple[tuple[str, Callable[[Try, re.Match[str], str], Try | None]], ...] =
     (r"(?<!sort the rows by it and )leave --ts out", lambda a, m, s: _without(a, "Ts")),
     (r"clock of \[\[input\]\] and of \[\[output\]\]", _own_clocks),
     (r"leave unit and period", lambda a, m, s: _without(a, "time_unit")),
+    (
+        r"inputs that act together: --input (\S+) --output (\S+)$",
+        lambda a, m, s: _option(a, input=m[1].split(",")[0], output=m[2]),
+    ),
     (r"rename one of them", lambda a, m, s: _renamed(a, s)),
     (r"write numbers alone", lambda a, m, s: _edit(a, s, re.match(r"[-\d.,]+", _place(s)[1])[0])),
     (r"unknown column '([^']+)'; choose one of", _known),
