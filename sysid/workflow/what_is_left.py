@@ -108,7 +108,21 @@ def _spread(deviations: np.ndarray) -> float:
 def systematic(e: Evaluation) -> str:
     """Why an error that noise does not explain keeps a model from being good; empty where nothing says so."""
     apart = between_logs(e.validation, e.validation_output, e.fit.n_init) if e.unseen and e.growing is None else ""
-    return apart or constant(e) or unexplained(e)
+    if apart or _close(e):
+        return apart
+    left = _left(e)
+    return _constant(e, left) or _unexplained(e, left)
+
+
+def unexplained(e: Evaluation) -> str:
+    """What another search or another structure may take from the error on the validation data; empty if hardly any."""
+    if _close(e) or _constant(e, left := _left(e)):
+        return ""
+    return _unexplained(e, left)
+
+
+def _left(e: Evaluation) -> Left:
+    return left_of(e.validation, e.validation_output, e.fit.n_init)
 
 
 def between_logs(data: IOData, run: np.ndarray, n_init: int) -> str:
@@ -139,23 +153,19 @@ def _close(e: Evaluation) -> bool:
 
 def rounded(e: Evaluation) -> bool:
     """Whether the rounding of the readings is all that the model leaves."""
-    return e.growing is None and e.unseen and left_of(e.validation, e.validation_output, e.fit.n_init).rounded
+    return e.growing is None and e.unseen and _left(e).rounded
 
 
-def constant(e: Evaluation) -> str:
+def _constant(e: Evaluation, left: Left) -> str:
     """That the error on the validation data is mostly a constant; empty of another one."""
-    if _close(e):
-        return ""
-    left = left_of(e.validation, e.validation_output, e.fit.n_init)
     output = e.outputs[left.output] if e.outputs else None
     name, unit = (output.name, output.unit) if output else (e.validation.y_name, e.validation.y_unit)
     return left.constant(name, unit)
 
 
-def unexplained(e: Evaluation) -> str:
-    """What another search or another structure may take from the error on the validation data; empty if hardly any."""
-    left = left_of(e.validation, e.validation_output, e.fit.n_init)
-    if _close(e) or constant(e) or not left.many:
+def _unexplained(e: Evaluation, left: Left) -> str:
+    """The sentence of `unexplained` on an error that is no constant."""
+    if not left.many:
         return ""
     error = f"the error is {left.multiple}"
     if not (e.fit.stop.converged or e.joint_fit is not None):
