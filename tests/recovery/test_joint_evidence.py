@@ -233,11 +233,11 @@ def test_the_backlash_is_crossed_at_every_reversal(sizes, determined):
         assert (found.counts["uncertainty"] < 0.15) == determined
 
 
-@pytest.mark.parametrize("pull", [0.0, -0.02])
-def test_a_crossing_at_an_end_or_by_the_weight_alone_shows_no_backlash(pull):
+@pytest.mark.parametrize(("pull", "drag"), [(0.0, 0.001), (-0.02, 0.001), (0.0, 5.0)])
+def test_a_crossing_at_an_end_or_by_the_weight_alone_shows_no_backlash(pull, drag):
     """An end has some give, and between two passes of one place load and friction differ: both look like a backlash."""
     chain = actuated_joint(knots=2, play=CoastingPlay(role="play"))
-    joint = as_fit(chain, JOINT | {"play.pull1": pull, "play.drag": 0.001})
+    joint = as_fit(chain, JOINT | {"play.pull1": pull, "play.drag": drag})
     y, x = chain.simulate(joint.theta, SWEEP), chain.through(joint.theta, SWEEP, 0, 2)
     assert np.sum(np.diff(np.sign(y - x)) != 0) > CROSSINGS
     found = evidence(joint, IOData(SWEEP, y, TS)).values["backlash"]

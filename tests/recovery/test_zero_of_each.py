@@ -66,3 +66,21 @@ def test_the_command_proposes_it_and_its_promise_holds(tmp_path, capsys):
     main(["identify", *logs, *options, "--offset", "each", "--trials", "0", "--out", str(tmp_path / "each")])
     reached = json.loads((tmp_path / "each" / "summary.json").read_text())["fit_percent"]["validation"]
     assert promise.startswith(f"Next, {reached:.2f} % instead of ")
+
+
+def test_the_zero_of_a_record_is_found_beside_a_state_that_is_slow():
+    """A lag of 150 samples: over 50 of them its state and a zero are hardly told apart."""
+    rng, pole, off = np.random.default_rng(0), np.exp(-1.0 / 150.0), []
+
+    def slow(zero: float) -> IOData:
+        u = np.repeat(rng.uniform(0.0, 1.0, 8), 150)
+        y = lfilter([0.0, 1.0 - pole], [1.0, -pole], u)
+        return IOData(u[400:], (zero + y + 0.005 * rng.standard_normal(len(u)))[400:], 1.0)
+
+    fit = sysid.fit(S.process("P1", offset="each"), IOData.merge(slow(2.0), slow(-1.0)))
+    for zero in np.linspace(-4.0, 4.0, 24):
+        record = slow(zero)
+        errors = (record.y[:, 0] - fit.simulate(record, n) for n in (None, 50))
+        off.append([np.mean(e[fit.n_init :]) for e in errors])
+    found, by_50 = np.std(off, axis=0)
+    assert found < 0.6 * by_50
