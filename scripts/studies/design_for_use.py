@@ -20,8 +20,8 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.joint.design import design
-from sysid.joint.evidence import reading_noise
 from sysid.joint.posterior import fit_joint
+from sysid.joint.stops import reading_noise
 from sysid.structures import actuated_joint
 from twin.hardware.actuator import drive
 

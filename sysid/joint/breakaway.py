@@ -66,7 +66,7 @@ def starts_from_rest(data: IOData, noise: float, every: int = 1) -> list[RestSta
     passed, which is no later than it was last seen behind its rest.
     """
     # At rest one and the same rounding error is in every reading.
-    noise = max(noise / np.sqrt(every), *(rounding_deviation(record.y) for record in data.experiments))
+    noise = max(noise / np.sqrt(every), *(rounding_deviation(record.y[record.observed]) for record in data.experiments))
     starts = []
     sign = drive_sign(*(np.concatenate([getattr(r, k)[:, 0] for r in data.experiments]) for k in ("u", "y")))
     for k, record in enumerate(data.experiments):

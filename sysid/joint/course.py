@@ -9,9 +9,10 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
-from sysid.joint.evidence import reading_noise, stop_tests
+from sysid.joint.evidence import stop_tests
 from sysid.joint.physics import travel_of
 from sysid.joint.sampling import chain_at_rate, response_samples, theta_at_rate
+from sysid.joint.stops import reading_noise
 from sysid.model.chain import Chain
 
 LONGEST = 2**16  # samples of one way from end to end

@@ -22,9 +22,9 @@ from sysid.estimation.joint_parts import is_joint, lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
 from sysid.joint.clock import Clock
 from sysid.joint.course import LONG, TOPS, Course
-from sysid.joint.evidence import reading_noise
 from sysid.joint.outlook import distant_prediction, shortfalls, unseen_ends, weak_inputs
 from sysid.joint.sampling import LONGEST_DELAY, rate_needed
+from sysid.joint.stops import reading_noise
 from sysid.joint.use import Use, add_parts_for_use
 from sysid.joint.values import JointValue, joint_values
 from sysid.model.chain import Chain

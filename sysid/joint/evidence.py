@@ -20,7 +20,7 @@ from sysid.joint.breakaway import Breakaway, RestStart, breakaway, starts_from_r
 from sysid.joint.physics import breakaway_over_place, ends_of, travel_of, way_up
 from sysid.joint.sampling import rate_needed, response_samples
 from sysid.joint.spread import END_REACH, Spread, spread_of
-from sysid.joint.stops import StopTest, noise_level, stop_test
+from sysid.joint.stops import StopTest, noise_level, reading_noise, stop_test
 from sysid.model.chain import Chain
 
 STARTS = 2  # from rest in one direction, under a slowly rising voltage
@@ -130,11 +130,6 @@ def _drives(chain: Chain, theta: np.ndarray, data: IOData, places: list[np.ndarr
         return inputs
     k = chain.blocks.index(motor)
     return [chain.through(theta, u, 0, k) - place for u, place in zip(inputs, places, strict=True)]
-
-
-def reading_noise(data: IOData) -> float:
-    """Standard deviation of a reading [y]."""
-    return float(np.median([noise_level(record.y[:, 0]) for record in data.experiments]))
 
 
 def _places(chain: Chain, theta: np.ndarray, data: IOData) -> list[np.ndarray]:

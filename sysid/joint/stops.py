@@ -5,6 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.data.record import IOData
+
 _HELD_SAMPLES = 3  # samples that a voltage must have acted, so that delay and lag are over
 REST_SAMPLES = 3  # samples of a rest
 _SETTLING_SAMPLES = 2  # samples after an arrival that are no reading of the end
@@ -15,6 +17,8 @@ _MOVING_SHARE = 0.95  # share of the samples at a voltage that must move the joi
 _VOLTAGE_MARGIN = 0.1  # of the voltage that moves the joint, by which a rest must exceed it
 _SAME_LEVEL = 0.01  # of the largest voltage: levels this close are one
 _FEWEST_READINGS = 10  # different readings: fewer do not show the step of a converter
+_DIGITS = 9  # of second differences, beyond which equal ones differ by the computer's rounding
+_QUARTILE = 0.6745  # of a standard normal variable
 _FEWEST_SAMPLES = 2  # samples elsewhere from which that voltage is read
 _AT_SPEED = 0.3  # of the speed elsewhere at this voltage
 
@@ -51,10 +55,28 @@ class StopTest:
         return sum(visit.speed >= _AT_SPEED for visit in self.visits)
 
 
-def noise_level(y: np.ndarray) -> float:
-    """Standard deviation of white noise and rounding in y (N,): second differences take a steady motion out."""
-    second = np.diff(np.ravel(y), 2)
-    return max(float(1.4826 * np.median(np.abs(second)) / np.sqrt(6.0)), rounding_deviation(y))
+def noise_level(y: np.ndarray, observed: np.ndarray | None = None) -> float:
+    """Standard deviation of white noise and rounding in y (N,): second differences take a steady motion out.
+
+    Samples that were not `observed` (N,) count for nothing. Multiples of a converter's step have few values, of which a
+    plain quartile is one; these are of the mid-distribution: Ma, Genton and Parzen, Annals of the Institute of
+    Statistical Mathematics 63 (2011) 227.
+    """
+    y = np.ravel(y)
+    seen = np.ones(len(y), dtype=bool) if observed is None else observed
+    second, rounding = np.diff(y, 2)[seen[2:] & seen[1:-1] & seen[:-2]], rounding_deviation(y[seen])
+    scale = float(np.abs(second).max(initial=0.0))
+    if not scale > 0.0:
+        return rounding
+    values, counts = np.unique(np.round(second / scale, _DIGITS), return_counts=True)
+    mid = (np.cumsum(counts) - 0.5 * counts) / len(second)
+    low, high = np.interp([0.25, 0.75], mid, values)
+    return max(scale * float(high - low) / (2.0 * _QUARTILE * np.sqrt(6.0)), rounding)
+
+
+def reading_noise(data: IOData, output: int = 0) -> float:
+    """Standard deviation of a reading [y], by the samples that were observed."""
+    return float(np.median([noise_level(r.y[:, output], r.observed[:, output]) for r in data.experiments]))
 
 
 def rounding_deviation(y: np.ndarray) -> float:

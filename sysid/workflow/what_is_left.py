@@ -13,7 +13,7 @@ from sysid.base.quantities import display_quantity, number, percent
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import CLOSE, POOR, ResidualTests
 from sysid.estimation.result import Fit
-from sysid.joint.stops import noise_level, rounding_deviation
+from sysid.joint.stops import reading_noise, rounding_deviation
 from sysid.nlarx.result import NlarxFit
 from sysid.structures import TABLE
 from sysid.workflow.results import Evaluation
@@ -88,16 +88,15 @@ def left_of(data: IOData, run: np.ndarray, n_init: int) -> Left:
         rms = np.sqrt(np.nanmean(error**2, axis=0))
     rms = np.nan_to_num(rms, nan=np.inf)
     ends = np.cumsum(data.lengths)[:-1]
-    noises = [float(np.median([noise_level(part) for part in np.split(y, ends)])) for y in data.y.T]
+    noises = [reading_noise(data, j) for j in range(data.y.shape[1])]
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         k = int(np.argmax(np.nan_to_num(rms / np.array(noises), nan=0.0, posinf=np.inf)))
     parts = [part[np.isfinite(part)] for part in np.split(error[:, k], ends)]
     parts = [part for part in parts if len(part)]
     medians = [float(np.median(part)) for part in parts]
     deviations = np.concatenate([np.abs(part - m) for part, m in zip(parts, medians, strict=True)] or [[np.inf]])
-    return Left(
-        noises[k], float(rms[k]), tuple(medians or [0.0]), _spread(deviations), k, rounding_deviation(data.y[:, k])
-    )
+    rounding = rounding_deviation(data.y[data.observed[:, k], k])
+    return Left(noises[k], float(rms[k]), tuple(medians or [0.0]), _spread(deviations), k, rounding)
 
 
 def _spread(deviations: np.ndarray) -> float:

@@ -11,7 +11,7 @@ from sysid.estimation.result import Fit
 from sysid.joint.breakaway import starts_from_rest
 from sysid.joint.evidence import CROSSINGS, evidence, stop_tests
 from sysid.joint.full import searched_from
-from sysid.joint.stops import noise_level, stop_test
+from sysid.joint.stops import noise_level, reading_noise, stop_test
 from sysid.joint.values import joint_values
 from sysid.solver.covariance import Covariance
 from sysid.structures import actuated_joint, servo_joint
@@ -124,13 +124,17 @@ def test_a_joint_that_no_voltage_moves_elsewhere_shows_no_stop():
     assert "no voltage moves" in stop_test(u, moved(u), TS, 0.0, NOISE).why
 
 
-@pytest.mark.parametrize("step", [0.0, 0.01])
-def test_the_noise_of_a_moving_joint_is_that_of_its_readings(step):
-    y = moved(SWEEP, -1.0, 1.0)
-    if step:
+@pytest.mark.parametrize("steps", [0.0, 0.3, 0.5, 0.8, 1.0, 1.4, 2.0, 3.0])
+def test_the_noise_of_a_moving_joint_is_that_of_its_readings(steps):
+    """Also where a converter's step is as large as the noise, which a tenth of the readings lack and were filled."""
+    u = np.tile(SWEEP, 4)
+    y = moved(u, -1.0, 1.0)
+    if step := steps * NOISE:
         y = np.round(y / step) * step
-    expected = np.hypot(NOISE, step / np.sqrt(12.0))
-    assert noise_level(y) == pytest.approx(expected, rel=0.35)
+    lost = np.random.default_rng(1).random(len(y)) < 0.1
+    filled = np.interp(np.arange(len(y)), np.flatnonzero(~lost), y[~lost])
+    data = IOData(u, filled, TS, missing=lost)
+    assert reading_noise(data) == pytest.approx(np.hypot(NOISE, step / np.sqrt(12.0)), rel=0.12)
 
 
 def test_slow_stairs_bracket_every_start_and_sudden_voltages_none():
