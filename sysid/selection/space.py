@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
+from sysid.model.chain import Chain
 from sysid.model.recipes import Recipe
 from sysid.structures import TABLE, OutputError
 
@@ -59,7 +60,7 @@ class Space:
         return [c for rung in itertools.zip_longest(*ladders) for c in rung if c is not None]
 
     def tasters(self, data: IOData) -> list[Recipe]:
-        """One candidate of every structure: what even a short budget looks at.
+        """One candidate of every structure: what even a short budget looks at, those that cost little first.
 
         Its defaults where the space has them; around linear orders the last of its maps, which bends most freely.
         """
@@ -75,7 +76,7 @@ class Space:
             else:
                 ladder = kind.ladder(kind().scale(data))
                 candidates.append(kind() if kind() in ladder else ladder[0])
-        return candidates
+        return sorted(candidates, key=_cost)
 
     def around(self, orders: list[dict[str, int]]) -> list[Recipe]:
         """Every pair of maps at every order, as the structure that has exactly these maps."""
@@ -98,6 +99,14 @@ class Space:
             if map_name not in (current, "unit_gain")
         ]
         return [*c.neighbours(), *maps]
+
+
+def _cost(c: Recipe) -> tuple[bool, int]:
+    """What grows with the time of a fit: searches for parts, and the number of parameters; an NLARX model has none
+    before its regressors are chosen.
+    """
+    model = c.model()
+    return c.with_parts, int(model.free.sum()) if isinstance(model, Chain) else 0
 
 
 def _around_orders(kind: type[Recipe]) -> bool:

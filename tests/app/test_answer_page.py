@@ -1,6 +1,7 @@
 """The page in a real Chromium: a poor fit that is seen, the step that mends it, several records, a search, undo."""
 
 import re
+import time
 
 import numpy as np
 import pytest
@@ -50,13 +51,17 @@ def fitted(page, key):
 
 
 def choose(page, name, text):
-    """Choose an entry of a list, by a click on it as a person would."""
-    field = marked(page, name)
-    page.execute_script("arguments[0].scrollIntoView({block: 'center'})", field)
-    page.execute_script("arguments[0].click()", field)
-    entries = ".q-menu .q-item"
-    found = until(lambda: [e for e in page.find_elements("css selector", entries) if text in e.text], text)
-    found[0].click()
+    """Choose an entry of a list, by a click on it as a person would: once more where the list was just drawn anew."""
+
+    def choice():
+        if not page.find_elements("css selector", ".q-menu"):
+            field = marked(page, name)
+            page.execute_script("arguments[0].scrollIntoView({block: 'center'})", field)
+            page.execute_script("arguments[0].click()", field)
+            time.sleep(0.5)  # the list opens; a second click would close it
+        return [e for e in page.find_elements("css selector", ".q-menu .q-item") if text in e.text]
+
+    until(choice, text)[0].click()
     page.find_element("tag name", "body").send_keys("\ue00c")  # Escape closes the list
 
 

@@ -1,6 +1,7 @@
 """Structure search: finds the true structure, prefers the smaller of equals, survives a kill."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -79,6 +80,29 @@ def test_a_search_begins_with_processes_at_the_sampling_time_of_the_record():
     row = judge(Job(firsts[0], folds(data), Effort(1, 4), "auto", 0, 1, True))  # its start is near
     assert row.fit_percent > 96.0
     assert all(theta[1] == pytest.approx(0.0949, rel=0.05) for theta in row.thetas)
+
+
+def test_a_budget_that_is_over_early_has_tried_linear_models_and_processes():
+    """And what it has tried holds the truth: a joint took the time of a cold start before, and was handed over."""
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 40), 15)
+    y = lfilter([*np.zeros(10), 0.05], [1.0, -0.9], u)
+    data = sysid.IOData(u, y + 0.01 * y.std() * rng.normal(size=len(u)), 0.1)
+    names = [c.name for c in Space().tasters(data)]
+    assert {"output_error", "process"} < set(names[:3])
+    assert {*names[-2:]} == {"actuated_joint", "servo_joint"}
+    tried = []
+
+    def over_after_three(done, total, name):
+        tried.append(name)
+        if len(tried) == 3:
+            clock.now += 1000.0
+
+    clock = SimpleNamespace(now=0.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sysid.selection.select.time.time", lambda: clock.now)
+        found = select(data, Space(starts=1), jobs=1, seconds=100.0, progress=over_after_three)
+    assert found.chosen.candidate.name == "process"
 
 
 def test_larger_equals_are_named_and_passed_over():
