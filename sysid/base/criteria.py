@@ -102,17 +102,25 @@ TABLE: dict[str, Criterion] = {
 }
 
 
+def _own_means(y: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """The mean of the experiment of each sample (N,); about the first sample, so that a constant has no rest."""
+    counts = np.maximum(np.bincount(numbers), 1)
+    return y[0] + (np.bincount(numbers, y - y[0]) / counts)[numbers] if len(y) else y
+
+
 def criteria(loss: float, N: int, d: int, mse: float | None = None) -> Criteria:
     """Criteria from the loss, the number of samples N and of parameters d; the default of mse is the loss."""
     return Criteria(loss, loss if mse is None else mse, N, d)
 
 
-def fit_percent(y: np.ndarray, yhat: np.ndarray) -> float:
+def fit_percent(y: np.ndarray, yhat: np.ndarray, experiment_numbers: np.ndarray | None = None) -> float:
     """100 (1 - ||y - yhat|| / ||y - mean y||) of one output (N,); -inf where the model is not finite.
 
-    A constant y has no scale: the fit is then 100 if yhat equals it and -inf otherwise.
+    The mean is that of the sample's own experiment, by its number (N,) from 0: a level that differs from log to log,
+    which an initial state takes up, is nothing that a model explains. A constant y has no scale: the fit is then 100 if
+    yhat equals it and -inf otherwise.
     """
-    apart = y - y.mean()
+    apart = y - (y.mean() if experiment_numbers is None else _own_means(y, experiment_numbers))
     # The squares of very small or large numbers are 0 or infinite; a power of two changes no other digit.
     unit = 2.0 ** np.floor(np.log2(np.abs(apart).max(initial=0.0) or 1.0))
     with np.errstate(over="ignore", invalid="ignore"):

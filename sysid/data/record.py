@@ -136,6 +136,11 @@ class IOData(Shown):
         return np.ones(self.y.shape, dtype=bool) if self.missing is None else ~self.missing
 
     @property
+    def experiment_numbers(self) -> np.ndarray:
+        """The number (N,) from 0 of the experiment that a sample is of."""
+        return np.repeat(np.arange(len(self.lengths)), self.lengths)
+
+    @property
     def N(self) -> int:
         """Number of samples."""
         return len(self.u)

@@ -144,8 +144,7 @@ class Fit(FitMethods):
     @checked
     def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
         """Free-run fit [%] of each output (ny,)."""
-        y, yhat, mask = self._scored_samples(data, n_init)
-        return np.array([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)])
+        return self._percents(data, n_init)
 
     @property
     def predicts(self) -> bool:
@@ -168,8 +167,7 @@ class Fit(FitMethods):
 
         One step ahead it is near 100 for any smooth, finely sampled y; never compare it with a free run.
         """
-        y, yhat, mask = self._scored_samples(data, n_init, horizon)
-        return float(np.mean([fit_percent(a[k], b[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)]))
+        return float(np.mean(self._percents(data, n_init, horizon)))
 
     @checked
     def residuals(self, data: IOData) -> np.ndarray:
@@ -326,6 +324,13 @@ class Fit(FitMethods):
         theta = initial_theta(model, self.theta, first) if first.N >= 2 else self.theta
         w = model.through(theta, data.u[:, 0], 0, len(model.blocks) - 1)
         return block.ahead(model.part(theta, block), w, data.y[:, 0], horizon)[:, None]
+
+    def _percents(self, data: IOData, n_init: int | None, horizon: int = 0) -> np.ndarray:
+        """Fit [%] of each output (ny,) of the free run, or of the prediction over a `horizon`."""
+        y, yhat, mask = self._scored_samples(data, n_init, horizon)
+        scored = [e.N - self._initial_samples(e, n_init) for e in data.experiments]
+        numbers = np.repeat(np.arange(len(scored)), scored)
+        return np.array([fit_percent(a[k], b[k], numbers[k]) for a, b, k in zip(y.T, yhat.T, mask.T, strict=True)])
 
     def _scored_samples(
         self, data: IOData, n_init: int | None, horizon: int = 0

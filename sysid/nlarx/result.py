@@ -133,7 +133,7 @@ class NlarxFit(FitMethods):
         """Free-run fit [%], the first n_init samples of each experiment are not scored; -inf if the run diverges."""
         data = self.own_level(data)
         counts = self._scored_samples(data, n_init)
-        return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts])
+        return fit_percent(data.y[counts, 0], self.simulate(data, n_init)[counts], data.experiment_numbers[counts])
 
     @checked
     def fit_percents(self, data: IOData, n_init: int | None = None) -> np.ndarray:
@@ -145,7 +145,7 @@ class NlarxFit(FitMethods):
         """One-step fit [%]. It is near 100 for any smooth, finely sampled y and says little about the model."""
         data = self.own_level(data)
         counts = self._scored_samples(data, n_init)
-        return fit_percent(data.y[counts, 0], self.predict(data)[counts])
+        return fit_percent(data.y[counts, 0], self.predict(data)[counts], data.experiment_numbers[counts])
 
     @checked
     def divergence(self, data: IOData, n_init: int | None = None) -> str | None:

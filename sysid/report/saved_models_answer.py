@@ -10,7 +10,7 @@ from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import ModelRun, Models
 from sysid.workflow.saved import fell, unfit
-from sysid.workflow.what_is_left import WORSE, Left, between_logs, left_of, slow
+from sysid.workflow.what_is_left import WORSE, Left, left_of, slow
 
 
 def of_run(result: ModelRun | InputRun) -> Answer:
@@ -58,11 +58,7 @@ def sentence(result: ModelRun) -> str:
 
 
 def constant(result: ModelRun) -> str:
-    """That the error is mostly a constant, or the fit a difference between logs; empty of others, and where it counts
-    as nothing.
-    """
-    if apart := between_logs(result.data, result.output, result.n_init):
-        return apart
+    """That the error is mostly a constant; empty of others, and where it counts as nothing."""
     several = result.data.y.shape[1] > 1
     left = _left(result)
     name = f"output {left.output + 1}" if several else result.data.y_name

@@ -321,8 +321,8 @@ def has_several_channels(data: IOData) -> bool:
 def fits_of_outputs(data: IOData, run: np.ndarray, first: int = 0) -> np.ndarray:
     """Fit [%] of each output (ny,) of a run (N,) or (N, ny) over its measured samples from `first` on."""
     scored = data.observed & (np.arange(data.N) >= first)[:, None]
-    runs = run.reshape(data.N, -1)
-    return np.array([fit_percent(y[k], x[k]) for y, x, k in zip(data.y.T, runs.T, scored.T, strict=True)])
+    runs, numbers = run.reshape(data.N, -1), data.experiment_numbers
+    return np.array([fit_percent(y[k], x[k], numbers[k]) for y, x, k in zip(data.y.T, runs.T, scored.T, strict=True)])
 
 
 def residuals_and_inputs(fit: Fit | NlarxFit, data: IOData) -> tuple[np.ndarray, np.ndarray]:

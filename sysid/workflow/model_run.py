@@ -182,10 +182,11 @@ def _columns_of(values: np.ndarray, name: str, unit: str, suffix: str = "") -> d
 
 def _percents(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, ...]:
     percents = []
+    numbers = data.experiment_numbers
     for measured, run, k in zip(data.y.T, y.T, counts.T, strict=True):
         if np.ptp(measured[k]) == 0.0:
             raise InputError("the output does not move in the scored part of the record, so a fit says nothing")
-        percents.append(fit_percent(measured[k], run[k]) if np.all(np.isfinite(run[k])) else -np.inf)
+        percents.append(fit_percent(measured[k], run[k], numbers[k]) if np.all(np.isfinite(run[k])) else -np.inf)
     return tuple(percents)
 
 

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.base.criteria import fit_percent
-from sysid.base.quantities import display_quantity, number, percent
+from sysid.base.quantities import display_quantity, number
 from sysid.data.record import IOData
-from sysid.diagnosis.residuals import CLOSE, POOR, ResidualTests
+from sysid.diagnosis.residuals import CLOSE, ResidualTests
 from sysid.estimation.result import Fit
 from sysid.joint.stops import reading_noise, rounding_deviation
 from sysid.nlarx.result import NlarxFit
@@ -106,9 +105,8 @@ def _spread(deviations: np.ndarray) -> float:
 
 def systematic(e: Evaluation) -> str:
     """Why an error that noise does not explain keeps a model from being good; empty where nothing says so."""
-    apart = between_logs(e.validation, e.validation_output, e.fit.n_init) if e.unseen and e.growing is None else ""
-    if apart or _close(e):
-        return apart
+    if _close(e):
+        return ""
     left = _left(e)
     return _constant(e, left) or _unexplained(e, left)
 
@@ -122,27 +120,6 @@ def unexplained(e: Evaluation) -> str:
 
 def _left(e: Evaluation) -> Left:
     return left_of(e.validation, e.validation_output, e.fit.n_init)
-
-
-def between_logs(data: IOData, run: np.ndarray, n_init: int) -> str:
-    """That a run (N,) or (N, ny) follows little but the difference between the levels of several experiments, which an
-    initial state or a zero of each takes up without any effect of the input; empty of another run.
-    """
-    run, ends, fits = np.reshape(run, data.y.shape), np.cumsum(data.lengths)[:-1], list[tuple[float, float]]()
-    scored = data.observed & np.concatenate([np.arange(n) >= n_init for n in data.lengths])[:, None]
-    for j in range(data.y.shape[1] if len(ends) else 0):
-        parts = [
-            (y[k], x[k])
-            for y, x, k in zip(*(np.split(signal[:, j], ends) for signal in (data.y, run, scored)), strict=True)
-            if k.any()
-        ]
-        means = np.concatenate([np.full(len(y), y.mean()) for y, _ in parts])
-        y, x = (np.concatenate(signal) for signal in zip(*parts, strict=True))
-        fits.append((fit_percent(y - means, x - means), fit_percent(y, x)))
-    within, whole = min(fits, default=(100.0, 100.0))
-    if within >= POOR or 100.0 - within <= WORSE * (100.0 - whole):
-        return ""
-    return f"within a log the model explains {percent(within)}; the rest is the difference between the logs"
 
 
 def _close(e: Evaluation) -> bool:
