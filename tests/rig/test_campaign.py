@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import twin
+from sysid.base.errors import InputError
 from sysid.joint.values import JointValue
 from twin.cli import main
 from twin.report import rig as report
@@ -96,6 +97,24 @@ def test_no_experiment_goes_beyond_the_rig_time_also_with_the_way_to_where_it_be
         result = campaign(link, calibration, budget=budget)
     assert len(result.rounds) == 3
     assert budget - 10.0 < result.rig_seconds <= budget
+
+
+def test_where_the_found_joint_does_not_move_a_sweep_is_played_again(rig, monkeypatch):
+    """A first record may lead to a joint that starts beyond the supply; the joint on the rig is not that one."""
+
+    def refused(*_, **__):
+        raise InputError("the joint starts at 17 V and the input may not exceed 12")
+
+    fit, heard = SimpleNamespace(fit_percent=lambda data: 90.0), []
+    monkeypatch.setattr("twin.rig.auto.fit_joint", lambda *_, **__: SimpleNamespace(fit=fit))
+    monkeypatch.setattr("twin.rig.auto.searched_from", lambda fit, others, data: fit)
+    monkeypatch.setattr("twin.rig.auto.joint_values", lambda *_, **__: ())
+    monkeypatch.setattr("twin.rig.auto.design", refused)
+    with rig() as (_, link, calibration):
+        result = campaign(link, calibration, step=heard.append)
+    assert [done.what for done in result.rounds] == ["first sweep", "sweep 2", "sweep 3"]
+    assert sum("would not move; a sweep again" in said for said in heard) == 2
+    assert not np.array_equal(result.rounds[0].log.u, result.rounds[1].log.u)
 
 
 def test_each_record_is_searched_from_where_the_others_lead(monkeypatch):

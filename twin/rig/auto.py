@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.files import versions
 from sysid.base.quantities import display_quantity
+from sysid.data.record import IOData
 from sysid.estimation.result import Fit
 from sysid.excitations import excitation
 from sysid.joint.design import TARGETS, Design, design
@@ -155,7 +156,7 @@ def campaign(
     `step` hears the name of each part, `share` the progress of a run, and `keep` gets each log as soon as it is there;
     `around` (number, input, levels) gives the context in which both happen.
     With `plain_sweeps` every experiment is another sweep, to compare with. A fault that leaves less than `LEAST` s, a
-    lost port, Ctrl-C and a design that is refused end it with what is known until then.
+    lost port, Ctrl-C end it with what is known until then.
     """
     done = Campaign(calibration.joint, (), link.rig_seconds)
     given = first_input(calibration, seed)
@@ -186,20 +187,29 @@ def campaign(
         if number == most:
             break
         step(f"experiment {number + 1}: designing")
-        if plain_sweeps:
-            given = replace(first_input(calibration, seed + 1000 * number), source=f"sweep {number + 1}")
-            continue
-        targets, fit = [name for name, values in TARGETS.items() if set(values) & set(done.open)], done.rounds[-1].fit
-        assert fit is not None
-        try:
-            plan = design(fit, data, targets, calibration.largest, seed=seed + number, Ts=TS, to_stops=True)
-        except InputError as error:
-            return replace(done, stopped=f"no next experiment can be designed: {error}")
         left = budget - link.rig_seconds - to_middle
-        given = shortened(plan, left * (PART if number + 1 < most else 1.0), calibration.largest)
+        sweep = replace(first_input(calibration, seed + 1000 * number), source=f"sweep {number + 1}")
+        seconds = left * (PART if number + 1 < most else 1.0)
+        designed = None if plain_sweeps else _designed(done, data, calibration, seed + number, seconds)
+        if not (plain_sweeps or designed):
+            step(f"experiment {number + 1}: the joint that was found would not move; a sweep again")
+        given = designed or sweep
         if len(given.u) * given.Ts > left:
             return replace(done, stopped=f"the rig time of {budget:g} s is spent")
     return replace(done, stopped=f"{most} experiments are spent")
+
+
+def _designed(done: Campaign, data: IOData, calibration: Calibration, seed: int, seconds: float) -> Input | None:
+    """The next experiment of at most `seconds` for what is open, on the joint of the last record `data`; None if that
+    is no joint which the input moves, as the joint on the rig is.
+    """
+    targets, fit = [name for name, values in TARGETS.items() if set(values) & set(done.open)], done.rounds[-1].fit
+    assert fit is not None
+    try:
+        plan = design(fit, data, targets, calibration.largest, seed=seed, Ts=TS, to_stops=True)
+    except InputError:
+        return None
+    return shortened(plan, seconds, calibration.largest)
 
 
 def led_by_each_other(rounds: tuple[Round, ...], linearity: float) -> tuple[Round, ...]:
