@@ -65,6 +65,7 @@ from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Options, Outcome, time_limit
+from sysid.solver.linearisation import order_of
 from sysid.solver.searches import search as make_search
 
 AUTO = "auto"
@@ -148,7 +149,7 @@ def search_from_points(context: SearchContext, points: list[np.ndarray]) -> Sear
     problems = set_curvature_weight(context, problems)
     outcomes = race(context, problems)
     costs = [o.cost for o in outcomes]
-    best = int(np.argmin(costs))
+    best = int(order_of(costs)[0])
     if not np.isfinite(costs[best]):
         raise InputError(
             f"none of {len(points)} start(s) gives a valid model: {outcomes[best].stop.reason}; "

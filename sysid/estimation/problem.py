@@ -16,6 +16,7 @@ from sysid.solver.linearisation import Linearisation, Rows
 from sysid.solver.searches import LevenbergMarquardt
 
 LONG = 40_000  # samples from which a record is taken in pieces
+_LOST = 16.0 * float(np.finfo(float).eps)  # share of two numbers that is rounding of their sum
 ROWS = 4096  # samples of a piece: its Jacobian stays in a processor's cache
 
 
@@ -73,11 +74,13 @@ class ChainProblem:
 
     def thetas(self, p: np.ndarray) -> np.ndarray:
         """All parameters (K, P) at p."""
-        thetas, n, m = self.theta0.copy(), int(self.moving.sum()), int(self.experiment_states.sum())
-        thetas += self.chain.basis[:, self.moving] @ p[:n]
+        way, n, m = np.zeros(self.theta0.shape), int(self.moving.sum()), int(self.experiment_states.sum())
+        way += self.chain.basis[:, self.moving] @ p[:n]
         for k in range(1, len(self.records)):
-            thetas[k, self.experiment_states] = self.theta0[k, self.experiment_states] + p[n + (k - 1) * m : n + k * m]
-        return thetas
+            way[k, self.experiment_states] = p[n + (k - 1) * m : n + k * m]
+        thetas = self.theta0 + way
+        # What is left of two that cancel is rounding, and the sign of a speed that is 0 would decide.
+        return np.where(np.abs(thetas) <= _LOST * (np.abs(self.theta0) + np.abs(way)), 0.0, thetas)
 
     def repair(self, p: np.ndarray) -> np.ndarray:
         """p moved into the bounds and, where the blocks support it, to an admissible chain."""

@@ -20,6 +20,7 @@ from sysid.estimation.starts.portfolio.curves import movable_maps
 from sysid.estimation.starts.portfolio.moves import move_breakpoints, pole_alternatives
 from sysid.model.chain import Chain
 from sysid.solver.iterate import ESTIMATE, Options, Outcome, iterate, time_limit
+from sysid.solver.linearisation import order_of
 from sysid.solver.searches import search as make_search
 
 # The numbers of the portfolio were chosen on drawn plants and judged on fresh ones (scripts/global_optimum.py): 190 of
@@ -116,7 +117,7 @@ def race(context: SearchContext, problems: list[ChainProblem]) -> list[Outcome]:
     # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
     with ThreadPoolExecutor(min(len(problems), available_cores())) as pool:
         outcomes = list(pool.map(context.trial, problems))
-        leaders = [int(k) for k in np.argsort([o.cost for o in outcomes], kind="stable")[:_LEADERS]]
+        leaders = [int(k) for k in order_of(o.cost for o in outcomes)[:_LEADERS]]
         ends = list(pool.map(lambda k: context.iterate(problems[k], outcomes[k].p, context.options), leaders))
     for k, end in zip(leaders, ends, strict=True):
         outcomes[k] = outcomes[k].then(end)
@@ -218,7 +219,7 @@ def _search_round(context: SearchContext, points: list[StartingPoint], previous:
     outcomes = [context.trial(problem, ESTIMATE) for problem in problems]
     costs = tuple(o.cost for o in outcomes)
     members = tuple(p.member for p in points)
-    k = int(np.argmin(costs))
+    k = int(order_of(costs)[0])
     if previous is not None and not costs[k] < previous.outcome.cost * SAME:
         return replace(previous, costs=costs, members=members)
     problem, outcome = problems[k], outcomes[k]

@@ -24,6 +24,7 @@ from sysid.joint.sampling import ENOUGH_SAMPLES
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
+from sysid.solver.linearisation import order_of
 
 PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
@@ -139,12 +140,14 @@ def best_points(chain: Chain, points: np.ndarray, data: IOData, finalists: int, 
     part, running = None, list[tuple[ChainProblem, np.ndarray]]()
     while True:
         before, part = part, data.portion(max(ENOUGH_SAMPLES, round(share * data.N)))
-        context = SearchContext(chain, part, objective, "lm", Options(max_iterations=_GLANCE).begun(), None)
+        glance = Options.from_estimate(_GLANCE, Options().tolerance).begun()
+        context = SearchContext(chain, part, objective, "lm", glance, None)
         if part is not before:
             problems = [context.problem(with_initial_states(chain, p, part)) for p in points]
             running = [(problem, problem.start) for problem in set_curvature_weight(context, problems)]
         ends = [(problem, context.iterate(problem, p, context.options)) for problem, p in running]
-        ends = sorted((end for end in ends if np.isfinite(end[1].cost)), key=lambda end: end[1].cost)
+        ends = [end for end in ends if np.isfinite(end[1].cost)]
+        ends = [ends[k] for k in order_of(end.cost for _, end in ends)]
         last = len(points) <= 2 * finalists
         ends = ends[: finalists if last else len(points) // 2]
         points = np.array([problem.thetas(end.p)[0] for problem, end in ends])

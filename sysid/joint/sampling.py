@@ -16,6 +16,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.result import Fit
 from sysid.model.chain import Chain
+from sysid.solver.linearisation import order_of
 
 _SAMPLE = re.compile(r"(/)?samples?(?:\^(\d))?")
 _RATES = (1, 2, 4, 5)  # of the first sampling time: an estimate of lag and delay by a slow record goes no further
@@ -124,5 +125,6 @@ def _rest_cuts(y: np.ndarray, length: int) -> list[int]:
     cuts = []
     for k in range(1, count):
         first = round(k * len(y) / count) - reach
-        cuts.append(first + int(np.argmin(moves[first : first + 2 * reach])))
+        within = moves[first : first + 2 * reach]  # of readings with steps, so that many are alike
+        cuts.append(first + int(order_of(within)[0]))
     return cuts

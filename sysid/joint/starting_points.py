@@ -46,10 +46,19 @@ def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator
     step of one of them alone leads back to the same optimum. `level` [y] of the noise: `sysid.joint.full.colour_level`.
     """
     info = information(fit, data, lags=None)
-    root = info.factor[info.own] * level / np.sqrt(info.noise_variance)
+    root = _symmetric_root(info.factor[info.own]) * level / np.sqrt(info.noise_variance)
     places = [shake_theta(fit.model, fit.theta, rng) for _ in range(_SHAKES // 2)]
     places += [fit.theta + _FAR * (root @ rng.standard_normal(root.shape[1])) for _ in range(_SHAKES // 2)]
     return [np.clip(place, *fit.model.limits) for place in places]
+
+
+def _symmetric_root(factor: np.ndarray) -> np.ndarray:
+    """The one symmetric R (P, P) with R R = factor factor', in correlations: a factor (P, n) has any signs and axes."""
+    cov = factor @ factor.T
+    std = np.sqrt(np.diag(cov))
+    size = np.where(std > 0.0, std, 1.0)
+    values, axes = np.linalg.eigh(cov / np.outer(size, size))
+    return std[:, None] * ((axes * np.sqrt(np.maximum(values, 0.0))) @ axes.T)
 
 
 def plays_of(full: Chain, theta: np.ndarray, data: IOData, rng: np.random.Generator) -> list[dict[str, float]]:

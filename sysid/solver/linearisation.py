@@ -1,5 +1,6 @@
 """A least-squares problem around one point, as the triangle of a QR: its steps, and the grain of its points."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -7,6 +8,7 @@ import numpy as np
 
 _EPS = np.finfo(float).eps
 _PANEL = 16  # columns in one step of a QR
+_SURE_DIGITS = 8  # behind the first, of a cost
 _ROWS = 4096  # of J in one QR, then stacked on the next: more than this does not stay in a processor's cache
 
 
@@ -22,6 +24,14 @@ def rounded(p: np.ndarray, size: np.ndarray) -> np.ndarray:
         grain = np.exp2(np.floor(np.log2(size)))
         count = p / grain
         return np.where(np.abs(count) < 2.0**52, np.round(count) * grain, p)
+
+
+def order_of(costs: Iterable[float]) -> np.ndarray:
+    """The numbers (K,) of costs from the least on; those that differ in their last digits only stay in their order.
+
+    These digits are another processor's, and where several ways lead to one optimum they would choose among them.
+    """
+    return np.argsort([float(f"{cost:.{_SURE_DIGITS}e}") for cost in costs], kind="stable")
 
 
 class Rows:

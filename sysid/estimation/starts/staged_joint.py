@@ -18,10 +18,13 @@ from sysid.estimation.starts._start import Start
 from sysid.estimation.starts.joint import Joint
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options, iterate
+from sysid.solver.linearisation import order_of
 from sysid.solver.searches import LevenbergMarquardt
 
 _STEPS = Options(max_iterations=60, tolerance=0.01)
 _TRIED = 4  # starts of the plainest joint
+_RANK = 1e-6  # of the largest singular value
+_ROUNDING = 1e-20  # of the squared size of what is projected out
 _WIDTH = 0.005  # of the range of y: the play that is tried
 _DRAGS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # widths a sample^2
 _PULL = 8.0  # widths a sample^2 at half the range from where the link hangs
@@ -74,7 +77,9 @@ def play_starts(
     problem = ChainProblem(middle, with_initial_states(middle, theta, data), tuple(data.experiments), middle.free)
     problem = replace(problem, theta0=problem.thetas(iterate(problem, problem.start, LevenbergMarquardt(), _STEPS).p))
     e, J = problem.linearise(problem.start)
-    Q = np.linalg.qr(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300))[0]
+    # Of columns that depend on each other a QR would take directions of rounding too.
+    Q, size, _ = np.linalg.svd(J / np.maximum(np.linalg.norm(J, axis=0), 1e-300), full_matrices=False)
+    Q = Q[:, size > _RANK * size[0]]
     residuals = e - Q @ (Q.T @ e)
     runs = list(zip(problem.theta0, problem.records, strict=True))
     inputs = [middle.through(row, r.u[:, 0], 0, k) for row, r in runs]
@@ -90,16 +95,18 @@ def play_starts(
             changes.append(change if r.missing is None else change[r.observed[:, 0]])
         cost, share = _best_share(np.concatenate(changes), residuals, Q)
         rows.append((cost, (share * part[0], *part[1:])))
-    rows.sort(key=lambda row: row[0])
+    rows = [rows[k] for k in order_of(cost for cost, _ in rows)]  # some links act alike
     names = [f"{play.role}.{slot.name}" for slot in play.slots()]
     return [dict(zip(names, part, strict=True)) for _, part in rows]
 
 
 def _best_share(change: np.ndarray, residuals: np.ndarray, Q: np.ndarray) -> tuple[float, float]:
     """Cost of the residuals after subtraction of the best share of `change`, and that share."""
+    before = float(change @ change)
     change = change - Q @ (Q.T @ change)
     size = float(change @ change)
-    share = float(np.clip(change @ residuals / size, 0.2, 5.0)) if size > 0.0 else 1.0
+    # What is left of a change that the other parameters give as well is rounding, and tells no share.
+    share = float(np.clip(change @ residuals / size, 0.2, 5.0)) if size > _ROUNDING * before else 1.0
     return float(np.sum((residuals - share * change) ** 2)), share
 
 
