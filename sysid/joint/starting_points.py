@@ -53,7 +53,7 @@ def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator
 
 
 def _symmetric_root(factor: np.ndarray) -> np.ndarray:
-    """The one symmetric R (P, P) with R R = factor factor', in correlations: a factor (P, n) has any signs and axes."""
+    """R (P, P) with R R' = factor factor', symmetric in correlations: a factor (P, n) has signs and axes by chance."""
     cov = factor @ factor.T
     std = np.sqrt(np.diag(cov))
     size = np.where(std > 0.0, std, 1.0)

@@ -97,6 +97,7 @@ def time_limit(deadline: float) -> Iterator[None]:
         _UNTIL.reset(previous)
 
 
+_NO_STEP = 1e-9  # of a standard deviation: less is rounding, and the sign of a speed that is 0 would decide
 ESTIMATE = 0.1  # of a standard deviation: a start is not better than that
 SMALL = 1.0  # [%] of the loss; with N samples noise alone moves the loss by 100 sqrt(2 / N) %
 
@@ -206,7 +207,8 @@ def iterate(
         evaluations += 1
         target = p.copy()
         grain = options.grain * np.minimum(lin.deviation, np.abs(delta))
-        target[moving] = rounded((anchor + p)[moving] + delta, grain) - anchor[moving]
+        step = np.where(np.abs(delta) > _NO_STEP * lin.deviation, delta, 0.0)
+        target[moving] = rounded((anchor + p)[moving] + step, grain) - anchor[moving]
         target = problem.repair(target)
         e = problem.residual(target)
         with np.errstate(over="ignore"):  # a diverging trial may be finite while its square is not
