@@ -70,12 +70,16 @@ class Left:
             return ""
         q = display_quantity(name, unit)
         low, high = (number(q.factor * end(self.constants), 3) for end in (min, max))
-        only = "only noise" if self.rest <= _ONLY_NOISE * self.noise else f"{number(q.factor * self.rest, 3)} {q.unit}"
+        is_noise = self.rest <= _ONLY_NOISE * self.noise
+        only = "only noise" if is_noise else f"{number(q.factor * self.rest, 3)} {q.unit}"
+        slow = "" if is_noise else ", or something slow that the model lacks"
         if low == high:
-            return f"the error is a constant {low} {q.unit}: another zero; apart from it {only}".replace("  ", " ")
+            return f"the error is a constant {low} {q.unit}: another zero{slow}; apart from it {only}".replace(
+                "  ", " "
+            )
         return (
-            f"the error is a constant in each experiment, from {low} to {high} {q.unit}: their zeros differ; apart "
-            f"from them {only}"
+            f"the error is a constant in each experiment, from {low} to {high} {q.unit}: their zeros differ{slow}; "
+            f"apart from them {only}"
         )
 
 

@@ -113,6 +113,15 @@ def test_a_saved_model_on_a_record_with_another_zero(capsys):
     assert re.search(r"The error is a constant −1\.[45]\d* degC: another zero; apart from it only noise\.", said)
 
 
+def test_a_constant_with_more_than_noise_beside_it_may_be_no_zero():
+    """A slow error beside a constant: the model may lack something; with noise alone beside it, it is a zero."""
+    slow = 0.4 * np.sin(np.arange(N) / 40.0)
+    for error, slowly in ((2.0 + slow, True), (np.full(N, 2.0), False)):
+        said = left_of(IOData(u=levels(0), y=error + noise(0), Ts=1.0), np.zeros(N), 0).constant("y", "degC")
+        assert said.startswith("the error is a constant 2.0")
+        assert ("or something slow that the model lacks" in said) == slowly
+
+
 @pytest.mark.parametrize("offset", ["free", "each"])
 def test_the_difference_between_logs_is_nothing_that_a_model_explains(capsys, offset):
     """Noise about three levels, beside an input that does nothing: 97 % about the common mean, about none of each."""
