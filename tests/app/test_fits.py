@@ -100,16 +100,14 @@ def test_several_records_are_one_fit_and_others_judge_it(desk, tmp_path):
     assert f"fit on the validation data: {model.fit_validation!r} %" in done.stdout, done.stderr
 
 
-def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk, tmp_path):
+def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk):
     held = {"fixed": {"plant.Td": 0.9}, "bounds": {"plant.K": (None, 0.45)}}
     desk.fit("d1", Setting(structure="process", settings={"kind": "P1D"}, starts=1, **held))
-    key, model = last(desk)
+    key, _ = last(desk)
     values = parameters(desk, key)
     assert values["plant.Td"] == 0.9
     assert values["plant.K"] <= 0.45 + 1e-9
-    (tmp_path / "again.py").write_bytes(desk.content("models", key, "script.py"))
-    done = subprocess.run([sys.executable, "again.py"], cwd=tmp_path, capture_output=True, text=True)
-    assert f"fit on the validation data: {model.fit_validation!r} %" in done.stdout, done.stderr
+    assert "plant.Td" in desk.content("models", key, "script.py").decode()
     desk.refine(key, "d2")
     key, refined = last(desk)
     values = parameters(desk, key)
@@ -124,7 +122,7 @@ def test_what_is_held_keeps_its_value_and_what_is_bounded_its_bounds(desk, tmp_p
 
 
 def test_a_search_finds_the_plant(desk):
-    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=40.0))
+    desk.fit("d1", Setting(structure=AUTO, starts=1, seconds=25.0))
     _, model = last(desk)
     assert model.asked == AUTO
     best = 100.0 * (1.0 - 0.02 / np.std(desk.record("d1").y[300:]))  # what the noise leaves
