@@ -13,7 +13,7 @@ from sysid.joint.values import distinct_values
 from sysid.plots.free_runs import runs_figure
 from sysid.report import figures, sections, verdict
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
-from sysid.report.bands import bands
+from sysid.report.gain import gain_rows
 from sysid.report.page import Grid, Picture
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
@@ -134,7 +134,7 @@ def _caption(e: Evaluation) -> str:
 
 def values(e: Evaluation) -> Grid:
     """What people want of a model, with intervals: of a joint its values, of a linear block gain and time constants."""
-    rows = [*_physical(e), *([] if e.values else [*_gain(e), *_lasting(e)]), *_errors(e)]
+    rows = [*_physical(e), *([] if e.values else [*gain_rows(e), *_lasting(e)]), *_errors(e)]
     interval = f"95 % interval{', too narrow' if verdict.too_narrow(e) else ''}"
     return Grid(("", "value", interval, "unit"), rows, last_text=True)
 
@@ -142,19 +142,6 @@ def values(e: Evaluation) -> Grid:
 def _physical(e: Evaluation) -> list[tuple[str, ...]]:
     known = [v for v in distinct_values(e.values) if v.determined and v.low is not None]
     return [(sections.WORDS.get(v.name, v.name), *sections.value_cells(v)) for v in known]
-
-
-def _gain(e: Evaluation) -> list[tuple[str, ...]]:
-    """The step response at its end, where it settles and its unit is known."""
-    step = bands(e).step if not e.outputs and e.linear and e.stable else None
-    if step is None:
-        return []
-    u, y = figures.signals(e)
-    q = y.per(u)
-    low, high = q.factor * step.lower[-1], q.factor * step.upper[-1]
-    known = high - low <= 2.0 * abs(q.factor * float(step.value[-1]))  # else not even its sign is sure
-    interval = f"{number(low)} to {number(high)}" if known else sections.NOT_KNOWN
-    return [(f"gain, {step.x[-1]:.3g} s after a step", number(q.factor * float(step.value[-1])), interval, q.unit)]
 
 
 def _lasting(e: Evaluation) -> list[tuple[str, ...]]:

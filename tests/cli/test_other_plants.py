@@ -12,10 +12,11 @@ from shown import joint_fit
 
 import twin
 from sysid.joint.values import JointValue
-from sysid.report import identify_answer
+from sysid.report import gain, identify_answer
 from sysid.report.answer import WORDS
 from sysid.report.sections import undetermined_in_words
 from sysid.structures import OutputError
+from sysid.uncertainty.intervals import Interval
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from twin.cli import main
@@ -96,8 +97,7 @@ def test_friction_at_rest_that_is_shown_and_not_measured_is_one_claim():
 @pytest.mark.parametrize(("half", "said"), [(0.2, r"1\.80* to 2\.20*"), (14.0, "not determined")])
 def test_a_gain_whose_sign_is_open_is_not_determined(half, said, monkeypatch):
     result = identify_file(written("log.csv", OVEN, 4), Setting(OutputError(1, 1, 1), starts=1))
-    step = SimpleNamespace(x=np.array([0.0, 5.0]), value=np.array([0.0, 2.0]))
-    step.lower, step.upper = step.value - half, step.value + half
-    monkeypatch.setattr(identify_answer, "bands", lambda e: SimpleNamespace(step=step))
+    found = Interval(2.0, half / 2.0, 2.0 - half, 2.0 + half)
+    monkeypatch.setattr(gain.intervals, "gain", lambda info, u: found)
     (row,) = [row for row in identify_answer.values(result.evaluation).rows if row[0].startswith("gain")]
     assert re.fullmatch(said, row[2])

@@ -264,7 +264,7 @@ def test_the_values_of_the_first_screen_are_those_of_the_record(result):
     assert unit == "s"
     assert low <= -0.1 / np.log(0.85) <= high
     assert low <= float(value) <= high
-    gain = next(row for name, row in rows.items() if name.startswith("gain, "))
+    gain = next(row for name, row in rows.items() if name.startswith("gain at voltage = "))
     assert gain[2] == "deg/V"
     mean = float(np.mean(result.evaluation.estimation.u + result.evaluation.estimation.u_offset))
     assert np.isclose(float(gain[0]), np.degrees(0.2 / 0.15 * (1.0 + 0.6 * mean)), rtol=0.1)
