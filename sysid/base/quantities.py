@@ -31,15 +31,30 @@ def ratio(y: str, u: str) -> str:
     return f"{y or '1'}/{f'({u})' if '/' in u else u or 'unit'}"
 
 
+class Unit(str):
+    """A stored unit, SI, that knows the unit of its file: people read `shown`, `factor` times the stored number."""
+
+    shown: str
+    factor: float
+
+    def __new__(cls, unit: str, shown: str = "", factor: float = 1.0) -> "Unit":
+        """Equal to the stored unit."""
+        self = super().__new__(cls, unit)
+        self.shown, self.factor = shown or unit, factor
+        return self
+
+
 SHARE = "share"  # the unit of a number that its file has in per cent: stored as a part of 1, shown as it was
 
 
 def display_quantity(name: str, unit: str) -> Quantity:
-    """How a quantity is shown: radians as degrees, shares as per cent, also per second or per volt; nothing for a plain
-    number.
+    """How a quantity is shown: in the unit of its file if that is known (`Unit`), radians as degrees, shares as per
+    cent, also per second or per volt; nothing for a plain number.
 
     A natural frequency stays in rad/s, as options and formulas have it.
     """
+    if isinstance(unit, Unit):
+        return Quantity(name, unit.shown, unit.factor)
     if name == "natural frequency":
         return Quantity(name, unit)
     first, *below = unit.split("/")

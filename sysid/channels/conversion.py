@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Any
 
-from sysid.base.errors import InputError
-from sysid.base.quantities import SHARE
+from sysid.base.errors import InputError, printable
+from sysid.base.quantities import SHARE, Unit, display_quantity
 
 _SINGULAR = {  # these also count something else (`time_of_day`, a second run): a unit only as a whole name
     "s": "s second sekunde seconde segundo secondo",
@@ -110,6 +110,21 @@ def convert(text: str) -> Conversion:
     Counts, no unit and unknown units stay as they are.
     """
     return _convert(" ".join(text.split()))
+
+
+def unit_of_file(text: str) -> str:
+    """The stored unit of numbers that a file has in the unit `text`, which people go on reading in that one.
+
+    Angles are read in degrees, as the values of a joint are, whatever the file has.
+    """
+    conversion = convert(text)
+    stored, scale = conversion.unit, conversion.factor
+    is_same = abs(display_quantity("", stored).factor * scale - 1.0) < 1e-9
+    return (
+        printable(stored)
+        if is_same or not conversion.known or stored in ("rad", "1")
+        else Unit(stored, text, 1.0 / scale)
+    )
 
 
 def seconds(text: str) -> float:

@@ -1,8 +1,8 @@
 """The channel of a column whose role is known: the unit of its header, the sign of its words, and notes on both."""
 
-from sysid.base.quantities import SHARE
+from sysid.base.quantities import SHARE, display_quantity
 from sysid.channels.column import Column, label, unit_in_brackets
-from sysid.channels.conversion import COUNTS, convert
+from sysid.channels.conversion import COUNTS, convert, unit_of_file
 from sysid.channels.mapping import Channel
 from sysid.data.words import Word, with_sign, word_of
 
@@ -22,7 +22,9 @@ def guess_channel(role: str, column: Column, why: list[str], remarks: dict[str, 
         why.append(f"column {name!r} has the unknown unit {unit!r}: its numbers stay as they are")
         remarks[f"{role}.unit"] = "not known: the numbers stay as they are"
     elif conversion.unit != unit:
-        end = {SHARE: "a share of 1 and is shown in %", "": "a plain number"}.get(conversion.unit, conversion.unit)
+        end = {SHARE: "a share of 1", "": "a plain number"}.get(conversion.unit, conversion.unit)
+        shown = display_quantity("", unit_of_file(unit)).unit
+        end += f" and is shown in {shown}" if shown != conversion.unit else ""
         why.append(f"column {name!r} goes from {unit} to {end}: its header names {unit}")
     word = word_of(column.values) or Word()
     if word.evidence:

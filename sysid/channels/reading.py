@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from sysid.base.checks import checked
-from sysid.base.errors import InputError, printable
+from sysid.base.errors import InputError
 from sysid.channels.binding import (
     channel_values,
     check_mapping,
@@ -24,6 +24,7 @@ from sysid.channels.binding import (
     with_hexadecimal,
 )
 from sysid.channels.column import numbers
+from sysid.channels.conversion import unit_of_file
 from sysid.channels.corrections import filling_of, interpolation_of, note_on_loose_stamps, sampling_of
 from sysid.channels.experiments import alone, cut, join, note_on_falls, pieces_of
 from sysid.channels.fresh import with_fresh_rows
@@ -258,7 +259,7 @@ def _read_channels(table: Table, mapping: ChannelMap) -> tuple[list[np.ndarray],
             raise InputError(
                 f"{table.path}: column {channel.column!r} has {len(values)} sample(s); at least 2 rows are needed"
             )
-    return columns, [printable(conversion.unit) for _, conversion in pairs]
+    return columns, [unit_of_file(channel.unit) for _, channel, _ in channels]
 
 
 def _time_rows(table: Table, mapping: ChannelMap, columns: list[np.ndarray]) -> Timing:
