@@ -30,7 +30,7 @@ def answer(result: Identification, model: str = "") -> Answer:
         f"of the {e.part} explained by the model's {e.judged}",
         word(result),
         sentence(result),
-        Picture.of("answer", run_figure(e), _caption(e)),
+        Picture.of("answer", run_figure(e), _caption(result)),
         values=values(e),
         next=following(result, model),
     )
@@ -127,9 +127,12 @@ def run_figure(e: Evaluation) -> Figure:
     return short(figure, data.y.shape[1])
 
 
-def _caption(e: Evaluation) -> str:
+def _caption(result: Identification) -> str:
+    e = result.evaluation
     seen = "The validation data, which the fit has not seen" if e.unseen else "The record that was fitted"
-    return f"{seen}: measured and model; below, what is left. What to see: errors that look like noise."
+    see = "where the two part: there the model lacks what moves the output"
+    see = see if word(result) == POOR else "errors that look like noise"
+    return f"{seen}: measured and model; below, what is left. What to see: {see}."
 
 
 def values(e: Evaluation) -> Grid:

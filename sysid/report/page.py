@@ -117,8 +117,11 @@ def _shown(value: object) -> object:
     return readable(value) if type(value) is str else value
 
 
-# A command ends before a mark at the end of a word, a bracket, and a word that goes on with the sentence.
-_COMMAND = re.compile(r"(qpal [a-z]+(?: (?!(?:and|or|then|to|with|shows|says)\b)[^\s()]*[^\s().,;:])*)")
+# A command ends before a mark at the end of a word, a bracket, and a word that goes on with the sentence. A quoted
+# word, as of a column "Pump (%)", may hold all of these; an apostrophe in it stands as '"'"'.
+_QUOTED = r"(?:'[^']*'(?:\"'\"'[^']*')*|\"[^\"]*\")(?![\w'])"
+_COMMAND = re.compile(rf"(qpal [a-z]+(?: (?:{_QUOTED}|(?!(?:and|or|then|to|with|shows|says)\b)[^\s()]*[^\s().,;:]))*)")
+_WORD = re.compile(rf"{_QUOTED}|\S+")
 _MINUS = re.compile(r"(?<![\w.,-])-(?=\d)")
 
 
@@ -130,7 +133,10 @@ def _commands(sentence: object) -> "Markup":
         return sentence
     text = Markup()
     for k, part in enumerate(_COMMAND.split(readable(str(sentence)))):
-        words = Markup(" ").join(Markup("<span>{}</span>").format(word) for word in part.split())
+        words = Markup(" ").join(
+            Markup("<span{}>{}</span>").format(Markup(' class="quoted"') if " " in word else "", word)
+            for word in _WORD.findall(part)
+        )
         text += Markup("<code>{}</code>").format(words) if k % 2 else escape(_MINUS.sub("−", part))
     return text
 

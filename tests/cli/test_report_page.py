@@ -1,10 +1,12 @@
 """The page of a report: its structure, what it says of a bad result, and how it behaves in a browser."""
 
+import html
 import json
 import re
 import shutil
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib.resources import files
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,7 +20,7 @@ from sysid.joint.values import JointValue
 from sysid.plots.free_runs import runs_figure
 from sysid.plots.records import parts_figure, record_figure
 from sysid.report import figures, glossary, identify, identify_answer, page, verdict
-from sysid.report.answer import WORDS
+from sysid.report.answer import WORDS, Answer
 from sysid.report.page import Grid, Page, Picture, Section
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.identification import identify_file
@@ -29,6 +31,7 @@ from sysid.workflow.steps import NextStep
 pytestmark = pytest.mark.pixels
 
 VOID = {"meta", "img", "br", "link", "hr", "input"}
+TEMPLATE = files("sysid.report").joinpath("template.html").read_text(encoding="utf-8")
 NOTHING = b"\x89PNG"
 
 
@@ -184,6 +187,9 @@ def test_a_bad_result_says_so_first_with_the_reason_and_the_next_command(result,
     made = identify.page(bad(result, -212.0, step, tests=coloured(result)), Exports())
     first = made.answer
     assert (first.number, first.word) == ("−212.00 %", "poor")
+    assert first.picture.caption.endswith(
+        "What to see: where the two part: there the model lacks what moves the output."
+    )
     assert first.of == "of the validation data explained by the model's free run"
     assert first.sentence == "Do not use this model: this model has no end stops."
     assert first.next == "Next: qpal identify a.csv --structure actuated_joint"
@@ -415,6 +421,19 @@ def test_in_chromium_a_phone_scrolls_tables_and_never_the_page(browser, folder):
 
 
 @pytest.mark.nightly
+def test_in_chromium_the_values_of_the_first_screen_fit_a_phone_with_their_units(browser, tmp_path):
+    rows = [("moving friction down, with load", "−0.599", "−0.628 to −0.569", "V"), ("gain", "4", "3 to 5", "duty/rad")]
+    values = Grid(("", "value", "95 % interval, too narrow", "unit"), rows, last_text=True)
+    page.write(tmp_path, Page("t", "s", ["v"], answer=Answer("1 %", "of", "good", "s", values=values)), {})
+    opened(browser, tmp_path, 390)
+    assert browser.execute_script("return document.querySelector('.scroll').scrollWidth") <= 390 - 32
+
+
+def test_a_phone_gives_the_values_of_the_first_screen_no_least_width():
+    assert ".first table { min-width: 0;" in TEMPLATE
+
+
+@pytest.mark.nightly
 def test_in_chromium_dark_is_dark_and_print_has_pictures_on_white(browser, folder):
     opened(browser, folder, 1000, dark=True)
     colour = "return getComputedStyle(document.querySelector('{}')).{}"
@@ -443,6 +462,22 @@ def test_commands_are_code_and_minus_signs_are_true_outside_of_them():
         "From −1.5 to 2-3: <code>qpal run A --limit -2</code>, or <code>qpal design FILE</code> "
         "(<code>qpal models A B</code>). Next: <code>qpal info 'a.csv'</code>."
     )
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "qpal identify tank1.csv --input 'Pump (%),Valve (%)' --output 'Level (cm)'",
+        "qpal run 'my  model.json' 'a; then b.csv' --ts 0.1",
+        "qpal info 'it'\"'\"'s a log.csv'",
+    ],
+)
+def test_a_quoted_word_of_a_command_is_code_with_all_its_blanks(command):
+    shown = str(page._commands(f"Next: {command}, or 'qpal info A' and 'qpal info B'."))
+    first, *others = re.findall("<code>(.*?)</code>", shown)
+    assert html.unescape(re.sub("<.*?>", "", first)) == command
+    assert len(others) == 2
+    assert "code span.quoted { display: inline; white-space: pre-wrap; }" in TEMPLATE
 
 
 def test_a_capital_letter_makes_no_other_symbol_and_a_small_chance_has_no_digits():
