@@ -109,5 +109,7 @@ def probability(p: float) -> str:
 
 
 def capital(text: str) -> str:
-    """The text with a capital letter first, unless it begins with a symbol (e, u1), which would become another one."""
-    return text if re.match(r"([b-z]|[a-z]\d+)\b", text) else text[:1].upper() + text[1:]
+    """The text with a capital letter first, unless it begins with a symbol (e, u1) or the name of a file (a.csv), which
+    would become another one.
+    """
+    return text if re.match(r"([b-z]|[a-z]\d+)\b|\S*\w\.[A-Za-z]\w", text) else text[:1].upper() + text[1:]

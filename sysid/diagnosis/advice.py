@@ -230,8 +230,8 @@ def _outliers(mask: np.ndarray, name: str, code: float | None, unit: str) -> Adv
     n = int(mask.sum())
     if not n:
         return Advice("outliers", f"{name} has no isolated outliers", 0.0, "", "fine")
-    first = ", ".join(map(str, np.flatnonzero(mask)[:5])) + (", ..." if n > 5 else "")
-    sentence = f"{name} has {n} isolated outlier(s), {100 * n / len(mask):.2g} % of samples: {first}"
+    first = ", ".join(map(str, np.flatnonzero(mask)[:5])) + (f" and {n - 5} more" if n > 5 else "")
+    sentence = f"{name} has {n} isolated outlier{'s' * (n > 1)}, {100 * n / len(mask):.2g} % of samples: {first}"
     if code is not None:
         those = "it is" if n == 1 else "all are"
         sentence += f"; {those} {f'{code:.6g} {unit}'.rstrip()}, far outside the others, {NO_VALUE}"

@@ -91,7 +91,9 @@ def sentence(result: Identification) -> str:
         return f"{capital(said)}."
     left = systematic(e) or ("what is left is the rounding of the readings" if rounded(e) else "")
     left = left or verdict.left_in_words(e.tests, e.notes)
-    return f"{capital(left)}{f'; {result.next.why}' if result.next else ''}."
+    why = result.next.why if result.next is not None else ""
+    is_new = bool(why) and why.partition(" (")[0] not in left  # such as that the search did not converge
+    return f"{capital(left)}{f'; {why}' if is_new else ''}."
 
 
 def _reason(result: Identification) -> str:

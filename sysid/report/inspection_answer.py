@@ -31,7 +31,8 @@ def sentence(result: Inspection) -> str:
     """What is in the way, else the first doubt and how many more there are."""
     in_the_way = (*result.unclear, result.problem, result.obstacle)
     if first := next(filter(None, in_the_way), ""):
-        return f"{capital(_finding(first))}."
+        said = _finding(first)
+        return f"{said if said.startswith(str(result.path)) else capital(said)}."
     doubts = [*_warnings(result), *(_repairs(result.signals) if result.signals else ())]
     if not doubts:
         return "Clock, input and output are beyond doubt, and nothing was repaired."

@@ -273,7 +273,7 @@ def _more_starts(result: Identification) -> NextStep | None:
     if starts >= wanted:
         return None
     reason = "the search had few starting points" if stop.converged else "the search did not converge"
-    return _step(f"{reason} ({starts} starts)", result, starts=wanted)
+    return _step(f"{reason} ({starts} start{'s' * (starts != 1)})", result, starts=wanted)
 
 
 def _general(result: Identification) -> NextStep | None:

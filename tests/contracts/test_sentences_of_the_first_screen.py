@@ -1,0 +1,66 @@
+"""Sentences of the first screen: names as they are, whole lists, and nothing said twice."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid.base.quantities import capital
+from sysid.data.record import IOData
+from sysid.diagnosis.advice import advise
+from sysid.report import identify_answer
+from sysid.workflow.steps import NextStep
+from twin.cli import main
+
+RNG = np.random.default_rng(21)
+U = RNG.uniform(0.0, 60.0, 30).repeat(20)
+Y = 20.0 + lfilter([0.0, 0.2], [1.0, -0.9], U) + 0.2 * RNG.normal(size=len(U))
+
+
+def first_lines(name: str, rows: np.ndarray, capsys) -> list[str]:
+    np.savetxt(name, rows, delimiter=",", header="t [s],heater [%],temp [degC]", comments="", fmt="%.5g")
+    main(["info", name, "--out", "seen"])
+    return capsys.readouterr().out.splitlines()
+
+
+@pytest.mark.parametrize("name", ["gaps.csv", "my gaps, 2.csv"])
+def test_a_sentence_that_begins_with_a_file_keeps_its_name(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = np.delete(np.column_stack([np.arange(len(U)), U, Y]), np.s_[300:340], axis=0)
+    assert first_lines(name, rows, capsys)[1].startswith(f"{name}, row 302")
+
+
+def test_words_get_a_capital_and_names_of_files_do_not():
+    told = [capital(text) for text in ("a.csv: no clock", "logs/day1.parquet is read", "temp rests")]
+    assert told == ["a.csv: no clock", "logs/day1.parquet is read", "Temp rests"]
+
+
+@pytest.mark.parametrize(
+    ("n", "said"), [(1, "1 isolated outlier, "), (3, "3 isolated outliers, "), (15, "15 isolated outliers, ")]
+)
+def test_a_list_of_outliers_ends_with_how_many_more_there_are(n, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    places = np.sort(np.random.default_rng(5).choice(np.arange(20, 580, 7), n, replace=False))
+    y = Y.copy()
+    y[places] = -999.0
+    (found,) = [a.sentence for a in advise(IOData(U, y, 1.0, y_name="temp")) if "isolated outlier" in a.sentence]
+    listed = ", ".join(map(str, places[:5])) + (f" and {n - 5} more" if n > 5 else "")
+    assert said in found
+    assert f" of samples: {listed};" in found
+    second = first_lines("outlier.csv", np.column_stack([np.arange(len(U)), U, y]), capsys)[1]
+    assert second.endswith((f"{listed}.", "more below)."))
+
+
+def test_a_search_that_did_not_converge_is_said_once(monkeypatch):
+    e = SimpleNamespace(unseen=True, notes=(), joint=None, tests=None, evaluation=None)
+    step = NextStep("the search did not converge (5 starts)", "qpal identify a.csv --starts 20")
+    result = SimpleNamespace(evaluation=e, next=step, advice=())
+    for name, value in {"_wrong": [], "_bad": False, "_spoilt": False, "rounded": False}.items():
+        monkeypatch.setattr(identify_answer, name, lambda *_, value=value: value)
+    monkeypatch.setattr(identify_answer.verdict, "no_joint", lambda e: False)
+    left = "the search did not converge, and the error is 11 times the noise of a reading"
+    monkeypatch.setattr(identify_answer, "systematic", lambda e: left)
+    assert identify_answer.sentence(result) == f"{capital(left)}."
+    monkeypatch.setattr(identify_answer, "systematic", lambda e: "the error is slow")
+    assert identify_answer.sentence(result) == "The error is slow; the search did not converge (5 starts)."
