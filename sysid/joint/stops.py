@@ -59,7 +59,7 @@ def noise_level(y: np.ndarray, observed: np.ndarray | None = None) -> float:
     """Standard deviation of white noise and rounding in y (N,): second differences take a steady motion out.
 
     Samples that were not `observed` (N,) count for nothing. Multiples of a converter's step have few values, of which a
-    plain quartile is one; these are of the mid-distribution: Ma, Genton and Parzen, Annals of the Institute of
+    plain quartile is one; theirs are of the mid-distribution: Ma, Genton and Parzen, Annals of the Institute of
     Statistical Mathematics 63 (2011) 227.
     """
     y = np.ravel(y)
@@ -68,10 +68,12 @@ def noise_level(y: np.ndarray, observed: np.ndarray | None = None) -> float:
     scale = float(np.abs(second).max(initial=0.0))
     if not scale > 0.0:
         return rounding
-    values, counts = np.unique(np.round(second / scale, _DIGITS), return_counts=True)
-    mid = (np.cumsum(counts) - 0.5 * counts) / len(second)
-    low, high = np.interp([0.25, 0.75], mid, values)
-    return max(scale * float(high - low) / (2.0 * _QUARTILE * np.sqrt(6.0)), rounding)
+    if rounding > 0.0:
+        values, counts = np.unique(np.round(second / scale, _DIGITS), return_counts=True)
+        low, high = scale * np.interp([0.25, 0.75], (np.cumsum(counts) - 0.5 * counts) / len(second), values)
+    else:  # where most are 0, at rest without noise, the next ones tell nothing of it
+        low, high = np.quantile(second, [0.25, 0.75])
+    return max(float(high - low) / (2.0 * _QUARTILE * np.sqrt(6.0)), rounding)
 
 
 def reading_noise(data: IOData, output: int = 0) -> float:
