@@ -317,8 +317,9 @@ def _offset(result: Identification) -> NextStep | None:
     if offset == "each" or result.selection is not None or not (several or offset == "none"):
         return None
     if several:
-        is_guess = not zeros_differ(result.evaluation)
-        return _step("the zero of the output differs between the logs", result, guess=is_guess, offset="each")
+        # A search that did not converge has a next step anyway, and a zero of each log costs less than more starts.
+        is_guess = result.evaluation.fit.stop.converged and not zeros_differ(result.evaluation)
+        return _step("the zero of the output may differ between the logs", result, guess=is_guess, offset="each")
     return _step("the zero of the output is held", result, guess=True, offset="free")
 
 
