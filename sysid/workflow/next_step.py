@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from sysid.workflow.remarks import extrapolated_signals, gain_remarks
 from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.servo import is_of_servo
 from sysid.workflow.steps import NextStep
-from sysid.workflow.what_is_left import unexplained
+from sysid.workflow.what_is_left import unexplained, zeros_differ
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
 SPLITS = (0.6, 0.7, 0.8)
@@ -70,13 +71,13 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
         return (_no_joint,)
     if e.outputs:
         if is_bad:
-            return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general)
-        return (_nonlinear, _general, _more_starts) if unexplained(e) else ()
+            return (_nonlinear, _uncovered_validation, _coverage, _no_maps, _offset, _more_starts, _general)
+        return (_nonlinear, _no_maps, _offset, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
         rules = (_ends, _servo, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
         return (*rules, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_process, _servo, _more_starts, _no_maps, _undetermined)
+        return (_process, _servo, _offset, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
         smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
@@ -316,25 +317,32 @@ def _offset(result: Identification) -> NextStep | None:
     if offset == "each" or result.selection is not None or not (several or offset == "none"):
         return None
     if several:
-        return _step("the zero of the output differs between the logs", result, guess=True, offset="each")
+        # A search that did not converge has a next step anyway, and a zero of each log costs less than more starts.
+        is_guess = result.evaluation.fit.stop.converged and not zeros_differ(result.evaluation)
+        return _step("the zero of the output may differ between the logs", result, guess=is_guess, offset="each")
     return _step("the zero of the output is held", result, guess=True, offset="free")
 
 
 def _no_maps(result: Identification) -> NextStep | None:
-    """The linear block of a model with maps."""
+    """The linear block of a model with maps, or one of each input and output in place of a state space."""
     recipe = result.evaluation.setting.recipe
-    if result.selection is not None or not recipe.of_kind("map") or set(recipe.orders) != {"nb", "nf", "nk"}:
+    is_block = bool(recipe.of_kind("map")) and set(recipe.orders) == {"nb", "nf", "nk"}
+    if result.selection is not None or not (is_block or isinstance(recipe, NonlinearStateSpace)):
         return None
-    return _step("a linear model does as well", result, guess=True, structure=OutputError.name, **recipe.orders)
+    orders = recipe.orders if is_block else {}
+    return _step("a linear model does as well", result, guess=True, structure=OutputError.name, **orders)
 
 
-def _process(result: Identification) -> NextStep | None:
-    """A plant that is slow beside its samples, and has a delay, in place of a model with maps."""
+def _process(result: Identification) -> Iterable[NextStep]:
+    """A plant that is slow beside its samples, and has a delay, in place of a model with maps: with one time constant
+    and with two, and several logs with a zero each too.
+    """
     recipe = result.evaluation.setting.recipe
     if result.selection is not None or not recipe.of_kind("map"):
-        return None
-    reason = "a process with two time constants and a delay does better"
-    return _step(reason, result, guess=True, structure=ProcessModel.name, kind="P2D")
+        return
+    zeros: list[dict[str, Any]] = [{}, {"offset": "each"}] if len(result.record.data.experiments) > 1 else [{}]
+    for kind, zero in product(("P1D", "P2D"), zeros):
+        yield _step("a process does as well", result, guess=True, structure=ProcessModel.name, kind=kind, **zero)
 
 
 def _sizes(result: Identification) -> Iterable[NextStep]:

@@ -43,13 +43,10 @@ class _Trial:
     def like(self, best: "_Trial") -> bool:
         """Whether it leaves hardly more than the best, and no more than chance explains where both saw the same."""
         near = self.left <= best.left + CLOSE
-        if (
-            not near
-            or self is best
-            or not self.evaluation.unseen
-            or "split" in {**self.step.change, **best.step.change}
-        ):
+        if not near or self is best or "split" in {**self.step.change, **best.step.change}:
             return near
+        if not self.evaluation.unseen or _simpler(best.evaluation, self.evaluation):
+            return _by_bic(best.evaluation, self.evaluation)
         parts = [(trial.evaluation, trial.evaluation.validation) for trial in (self, best)]
         return not larger(*_stretches(parts, None))
 
@@ -134,7 +131,7 @@ def _try(
     left = (
         base * (100.0 - gain.fit) / max(100.0 - gain.instead, 1e-9) if np.isfinite(gain.instead) else 100.0 - gain.fit
     )
-    return _Trial(replace(step, gain=replace(gain, at_least=is_cut)), e, left)
+    return _Trial(replace(step, gain=replace(gain, after=e.fit.seconds if is_cut else None)), e, left)
 
 
 def _expected(result: Identification, setting: Setting) -> float:
@@ -167,24 +164,33 @@ def gain_of(result: Identification, step: NextStep, other: Evaluation) -> Gain |
         instead = e.fit.prediction_percent(data, horizon=ahead)
     elif data is not e.validation:
         instead = e.fit.fit_percent(data)
-    gain = Gain(other.judged_fit, instead, of)
+    gain = Gain(other.judged_fit, instead, of, fewer=e.fit.criteria.d - other.fit.criteria.d)
     return gain if _helps(e, other, gain, data, ahead) else None
 
 
 def _helps(e: Evaluation, other: Evaluation, gain: Gain, data: IOData, ahead: int | None) -> bool:
-    a, b = e.fit.criteria, other.fit.criteria
     if not gain.fit > 0.0:  # a free run that is worse than the mean of the data is no model
         return False
     is_better = not gain.fit < gain.instead + CLOSE  # also where the first run diverges
-    by_bic = a.N == b.N and e.fit.predicts == other.fit.predicts and b.bic < a.bic
-    if b.d < a.d and by_bic and not poor(e.judged_fit, e.tests):
+    if _simpler(e, other) and not poor(e.judged_fit, e.tests):
         return gain.fit > gain.instead - CLOSE
     if not e.unseen:
-        return is_better and by_bic
+        return is_better and _by_bic(e, other)
     if not is_better:
         return False
     before, after = _stretches([(e, data), (other, other.validation)], ahead)
     return len(before) > 1 and (not np.isfinite(before).all() or larger(before, after))
+
+
+def _by_bic(e: Evaluation, other: Evaluation) -> bool:
+    """Whether BIC prefers the other one, where both are of the same samples and kind of fit."""
+    a, b = e.fit.criteria, other.fit.criteria
+    return a.N == b.N and e.fit.predicts == other.fit.predicts and b.bic < a.bic
+
+
+def _simpler(e: Evaluation, other: Evaluation) -> bool:
+    """Whether the other one is smaller, and BIC prefers it."""
+    return other.fit.criteria.d < e.fit.criteria.d and _by_bic(e, other)
 
 
 def _stretches(parts: Sequence[tuple[Evaluation, IOData]], ahead: int | None) -> np.ndarray:

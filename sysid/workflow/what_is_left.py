@@ -131,6 +131,12 @@ def _close(e: Evaluation) -> bool:
     return not e.unseen or e.growing is not None or e.judged_fit >= 100.0 - CLOSE
 
 
+def zeros_differ(e: Evaluation) -> bool:
+    """Whether the errors of the logs are apart by more than the rest of the error."""
+    left = _left(e)
+    return max(left.constants) - min(left.constants) > left.rest
+
+
 def rounded(e: Evaluation) -> bool:
     """Whether the rounding of the readings is all that the model leaves."""
     return e.growing is None and e.unseen and _left(e).rounded
