@@ -299,9 +299,7 @@ def _move_breakpoints(
     return None if theta_moved is None else _problem_at(context.model, problem, outcome, theta_moved, number)
 
 
-def _problem_at(
-    model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray, number: int
-) -> ChainProblem:
+def _problem_at(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray, number: int) -> ChainProblem:
     """The problem around theta (P,) of one experiment, with the initial states that the others have in the outcome."""
     thetas = problem.thetas(outcome.p)
     thetas[:, ~model.initial] = theta[~model.initial]

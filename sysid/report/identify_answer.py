@@ -4,6 +4,7 @@ import numpy as np
 
 from sysid.base.poles import Motion
 from sysid.base.quantities import capital, number, percent
+from sysid.data.record import IOData
 from sysid.diagnosis import residuals
 from sysid.diagnosis.relation import COMPUTED
 from sysid.diagnosis.signals import NO_VALUE
@@ -60,7 +61,7 @@ def _computed(result: Identification) -> str:
 
 def _bad(e: Evaluation) -> bool:
     """Whether the model misses its data: a prediction some steps ahead, which noise adds up in, by more than half."""
-    return verdict.bad(e) and (e.growing is None or e.judged_fit < verdict.NO_VOUCHER)
+    return verdict.bad(e) and (e.growing is None or e.growing.misses)
 
 
 def _wrong(e: Evaluation) -> list[str]:
@@ -118,13 +119,15 @@ def following(result: Identification, model: str = "") -> str:
 
 def run_figure(e: Evaluation) -> Figure:
     """The data that the model is judged by with its run over them, and below what is left of each output."""
-    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
-    name = "free run"
-    if e.growing is not None and e.one_step is not None:
-        run = e.one_step.validation_output if e.unseen else e.one_step.estimation_output
-        name = "prediction one step ahead"
-    figure = runs_figure(data, {name: run})
+    data, run = _judged_run(e)
+    figure = runs_figure(data, {"free run" if e.growing is None else "prediction one step ahead": run})
     return short(figure, data.y.shape[1])
+
+
+def _judged_run(e: Evaluation) -> tuple[IOData, np.ndarray]:
+    """The data that the model is judged by, and its free run over them, or its prediction where it does not settle."""
+    of = e if e.growing is None or e.one_step is None else e.one_step
+    return (e.validation, of.validation_output) if e.unseen else (e.estimation, of.estimation_output)
 
 
 def _caption(e: Evaluation) -> str:
@@ -168,13 +171,13 @@ def _lasting(e: Evaluation) -> list[tuple[str, ...]]:
 
 
 def _errors(e: Evaluation) -> list[tuple[str, ...]]:
-    """The mean error of each output in its unit."""
-    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
+    """The mean error of each output in its unit; one step ahead of a model that does not settle."""
+    data, run, ahead = *_judged_run(e), "" if e.growing is None else " one step ahead"
     error = np.where(data.observed, data.y - np.reshape(run, data.y.shape), np.nan)[e.fit.n_init :]
     shown, rows = e.outputs or [None], list[tuple[str, ...]]()
     for k, output in enumerate(shown):
         q = figures.signals(e)[1] if output is None else figures.display_quantity(output.name, output.unit)
         with np.errstate(over="ignore", invalid="ignore"):
             rms = float(np.sqrt(np.nanmean(error[:, k] ** 2)))
-        rows.append((f"error of {q.name}, RMS", number(q.factor * rms, 3), "–", q.unit))
+        rows.append((f"error of {q.name}{ahead}, RMS", number(q.factor * rms, 3), "–", q.unit))
     return rows

@@ -108,8 +108,8 @@ def _scaling(data: IOData) -> IOData:
 
 
 def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float, float]:
-    """Input and output of block k over the experiment that scales them, the covariance of the two, and the sign with which the
-    input follows u: that of their largest covariance at any delay."""
+    """Input and output of block k over the experiment that scales them, the covariance of the two, and the sign with
+    which the input follows u: that of their largest covariance at any delay."""
     record, chain, theta = _scaling(info.data), info.chain, info.theta
     x, J, q = np.ascontiguousarray(record.u[:, 0]), np.zeros((record.N, len(theta))), 0
     map_input = x, J.copy()

@@ -34,6 +34,7 @@ from sysid.workflow.steps import NextStep
 from sysid.workflow.what_is_left import unexplained
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
+_INTEGRATES = "the plant integrates over all of this record"
 SPLITS = (0.6, 0.7, 0.8)
 
 _Rule = Callable[[Identification], "NextStep | Iterable[NextStep] | None"]
@@ -74,16 +75,16 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
         return (_nonlinear, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
         rules = (_ends, _servo, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
-        return (*rules, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
+        return (*rules, _integrator, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_process, _servo, _more_starts, _no_maps, _undetermined)
+        return (_process, _integrator, _servo, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
+        smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _integrator, _no_maps, _sizes)
         depends = e.tests is not None and not e.tests.independent
         # A search costs minutes: it is for an error that noise or a constant does not explain.
         return (*smaller, _search_structures) if depends or unexplained(e) else smaller
-    return (_undetermined,)
+    return (_integrator, _undetermined) if isinstance(e.setting.recipe, ProcessModel) else (_undetermined,)
 
 
 def _steps(found: NextStep | Iterable[NextStep] | None) -> Iterable[NextStep]:
@@ -318,6 +319,22 @@ def _offset(result: Identification) -> NextStep | None:
     if several:
         return _step("the zero of the output differs between the logs", result, guess=True, offset="each")
     return _step("the zero of the output is held", result, guess=True, offset="free")
+
+
+def _integrator(result: Identification) -> Iterable[NextStep]:
+    """A process with an integrator, where the plant integrates as far as the record shows: one that settles only after
+    it, later than one time constant, has an end that nothing in the record determines.
+    """
+    e = result.evaluation
+    recipe, slowest = e.setting.recipe, float(np.abs(e.poles).max(initial=0.0))
+    lasting = slowest > np.exp(-1.0 / max(e.estimation.lengths))
+    if result.selection is not None or e.outputs or recipe.with_parts or not lasting:
+        return
+    if isinstance(recipe, ProcessModel):
+        yield from (_step(_INTEGRATES, result, guess=True, kind=other.kind) for other in recipe.integrating())
+        return
+    for other in ProcessModel().integrating():
+        yield _step(_INTEGRATES, result, guess=True, structure=other.name, kind=other.kind)
 
 
 def _no_maps(result: Identification) -> NextStep | None:

@@ -24,6 +24,7 @@ from sysid.workflow.record import Record
 from sysid.workflow.setting import Setting
 from sysid.workflow.steps import NextStep
 
+_HALF = 50.0  # [%] of fit of a prediction some steps ahead, which noise adds up in: less misses its data
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 
 
@@ -46,6 +47,11 @@ class Growing:
     def ahead(self) -> str:
         """How far ahead, in words."""
         return "one step ahead" if self.horizon == 1 else f"{self.horizon} steps ahead"
+
+    @property
+    def misses(self) -> bool:
+        """Whether the prediction misses its data."""
+        return not self.fit >= _HALF
 
 
 @dataclass(frozen=True)
