@@ -6,7 +6,8 @@ from sysid.base.poles import Motion
 from sysid.base.quantities import capital, number, percent
 from sysid.data.record import IOData
 from sysid.diagnosis import residuals
-from sysid.diagnosis.relation import COMPUTED
+from sysid.diagnosis.finding import Advice
+from sysid.diagnosis.relation import COMPUTED, without_effect
 from sysid.diagnosis.signals import NO_VALUE
 from sysid.diagnosis.worth import worth
 from sysid.drawing.figure import Figure
@@ -44,7 +45,7 @@ def word(result: Identification) -> Word:
     A prediction some steps ahead that is poor, but misses less than half of its data, is usable.
     """
     e = result.evaluation
-    if _bad(e) or _wrong(e) or _spoilt(result):
+    if _bad(e) or _wrong(e) or _spoilt(result) or _without_effect(result):
         return POOR
     is_sound = result.next is None and e.unseen and not verdict.no_joint(e)
     is_sound = is_sound and not _computed(result) and not systematic(e)
@@ -52,6 +53,11 @@ def word(result: Identification) -> Word:
         return GOOD
     found = worth(e.judged_fit, e.tests, is_sound)
     return USABLE if found == POOR else found
+
+
+def _without_effect(result: Identification) -> Advice | None:
+    """The finding that the input shows no effect, beside a model that is not good; None of others."""
+    return without_effect(result.advice) if result.evaluation.judged_fit < residuals.POOR else None
 
 
 def _computed(result: Identification) -> str:
@@ -82,6 +88,8 @@ def sentence(result: Identification) -> str:
     e, wrong = result.evaluation, _wrong(result.evaluation)
     if verdict.no_joint(e) and e.joint is not None:
         return e.joint.sentence()
+    if (none := _without_effect(result)) is not None:
+        return f"{capital(none.sentence)}."
     if wrong:
         return f"Do not use this model: {wrong[0].partition(';')[0]}."
     if _bad(e) or _spoilt(result):
@@ -110,6 +118,8 @@ def following(result: Identification, model: str = "") -> str:
         return f"Next: {result.next.why.rpartition(': ')[2]}; then {result.next.command}"
     if result.next is not None:
         return "\n".join([result.next.line("Next"), *([result.also.line("Or")] if result.also else [])])
+    if (none := _without_effect(result)) is not None:
+        return f"Next: {none.action}"
     if word(result) == POOR:
         actions = [a.action for a in result.advice if a.severity == "warning" and a.action]
         todo = actions[0] if actions else "record again with an input that shows more of the system"

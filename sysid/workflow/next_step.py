@@ -11,8 +11,10 @@ from sysid.base.errors import InputError
 from sysid.base.limits import MORE_STARTS
 from sysid.base.poles import Motion
 from sysid.data.record import IOData
+from sysid.data.wraps import DEGREES
+from sysid.diagnosis.relation import without_effect
 from sysid.diagnosis.residuals import CLOSE, POOR, poor
-from sysid.diagnosis.signals import NO_VALUE, WRAPS
+from sysid.diagnosis.signals import NO_VALUE, WRAPS, may_be_place
 from sysid.model.recipes import Recipe
 from sysid.structures import (
     ActuatedJoint,
@@ -57,6 +59,8 @@ def proposals(result: Identification) -> list[NextStep]:
     is_bad = poor(e.judged_fit, e.tests) or against_the_record(e)
     if (first := _logging_fault(result, is_bad)) is not None:
         return [first]
+    if is_bad and without_effect(result.advice) is not None:  # no model finds what is not there
+        return []
     if not e.fit.stop.converged or (e.joint_fit is not None and e.joint_fit.stopped):
         longer_search = _more_time(result)
         if longer_search is not None:  # what else may be wrong is seen after the whole search
@@ -74,13 +78,14 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
             return (_nonlinear, _uncovered_validation, _coverage, _offset, _more_starts, _general)
         return (_nonlinear, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _servo, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
-        return (*rules, _integrator, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
+        rules = (_ends, _servo, _motor, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset)
+        return (*rules, _process, _integrator, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_process, _integrator, _servo, _more_starts, _no_maps, _undetermined)
+        return (_process, _integrator, _servo, _motor, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _integrator, _no_maps, _sizes)
+        physics = (_ends, _servo, _motor)
+        smaller = (*physics, _nonlinear, _delay, _undetermined, _offset, _process, _integrator, _no_maps, _sizes)
         depends = e.tests is not None and not e.tests.independent
         # A search costs minutes: it is for an error that noise or a constant does not explain.
         return (*smaller, _search_structures) if depends or unexplained(e) else smaller
@@ -153,7 +158,8 @@ def _ends(result: Identification) -> NextStep | None:
     """The record rests at its ends and the model has no end stops; a structure search has tried a model with them."""
     recipe = result.evaluation.setting.recipe
     rests = next((a.sentence for a in result.advice if a.topic == "rest" and a.severity != "fine"), "")
-    if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint):
+    is_place = may_be_place(result.evaluation.estimation.y_unit)
+    if not rests or not is_place or result.selection is not None or isinstance(recipe, ActuatedJoint):
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
@@ -172,17 +178,29 @@ def _servo(result: Identification) -> NextStep | None:
 
 
 def _loop(result: Identification) -> NextStep | None:
-    """A controller makes the input, or the plant integrates or is not stable: a model that predicts."""
+    """A controller makes the input, or the plant integrates or is not stable: a model that predicts; not of a motor."""
     e = result.evaluation
     if e.fit.predicts or isinstance(e.setting.recipe, ActuatedJoint):
         return None
     if _in_loop(result):
         reason = "the input seems to come from a controller of the output"
-    elif e.motion == Motion.STABLE:
+    elif e.motion == Motion.STABLE or _motor(result) is not None:
         return None
     else:
         reason = "the plant seems to integrate, or is not stable"
     return _step(f"{reason}, where a free run says little", result, structure=Armax.name)
+
+
+def _motor(result: Identification) -> NextStep | None:
+    """A voltage moves an angle or a length, and goes on as long as it acts: a motor, with end stops or without."""
+    e = result.evaluation
+    is_place = e.estimation.u_unit == "V" and e.estimation.y_unit in ("rad", "m", *DEGREES)
+    if e.outputs or e.physical or result.selection is not None or not (is_place and _lasts(e)) or _in_loop(result):
+        return None
+    if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
+        return None
+    reason = "the output goes on while a voltage acts, as that of a motor"
+    return _step(reason, result, structure=ActuatedJoint.name)
 
 
 def _in_loop(result: Identification) -> bool:
@@ -326,15 +344,19 @@ def _integrator(result: Identification) -> Iterable[NextStep]:
     it, later than one time constant, has an end that nothing in the record determines.
     """
     e = result.evaluation
-    recipe, slowest = e.setting.recipe, float(np.abs(e.poles).max(initial=0.0))
-    lasting = slowest > np.exp(-1.0 / max(e.estimation.lengths))
-    if result.selection is not None or e.outputs or recipe.with_parts or not lasting:
+    recipe = e.setting.recipe
+    if result.selection is not None or e.outputs or recipe.with_parts or not _lasts(e):
         return
     if isinstance(recipe, ProcessModel):
         yield from (_step(_INTEGRATES, result, guess=True, kind=other.kind) for other in recipe.integrating())
         return
     for other in ProcessModel().integrating():
         yield _step(_INTEGRATES, result, guess=True, structure=other.name, kind=other.kind)
+
+
+def _lasts(e: Evaluation) -> bool:
+    """Whether the slowest time constant is longer than the record."""
+    return float(np.abs(e.poles).max(initial=0.0)) > np.exp(-1.0 / max(e.estimation.lengths))
 
 
 def _no_maps(result: Identification) -> NextStep | None:
