@@ -10,7 +10,6 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.limits import MORE_STARTS
 from sysid.base.poles import Motion
-from sysid.data.record import IOData
 from sysid.data.wraps import DEGREES
 from sysid.diagnosis.relation import without_effect
 from sysid.diagnosis.residuals import CLOSE, POOR, poor
@@ -26,14 +25,14 @@ from sysid.structures import (
     ProcessModel,
     ServoJoint,
 )
-from sysid.workflow.advice_after_fit import holds
+from sysid.workflow.advice_after_fit import holds, in_loop, nonlinear
 from sysid.workflow.changes import STARTS, command
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
-from sysid.workflow.remarks import extrapolated_signals, gain_remarks
+from sysid.workflow.remarks import extrapolated_signals, gain_remarks, share_outside
 from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.servo import is_of_servo
 from sysid.workflow.steps import NextStep
-from sysid.workflow.what_is_left import unexplained
+from sysid.workflow.what_is_left import lasts, unexplained
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
 _INTEGRATES = "the plant integrates over all of this record"
@@ -139,7 +138,7 @@ def _no_joint(result: Identification) -> NextStep | None:
     A record that does not show whether it is a joint's, or half of which hardly moves, is to be followed by another.
     """
     e = result.evaluation
-    is_uncovered = _share_outside(e.estimation, e.validation) > MOST
+    is_uncovered = share_outside(e.estimation, e.validation) > MOST
     if is_uncovered or (e.joint is not None and e.joint.undetermined):
         record = result.record
         first = str(record.files[0] if record.files else record.path)  # an experiment follows from one record
@@ -182,7 +181,7 @@ def _loop(result: Identification) -> NextStep | None:
     e = result.evaluation
     if e.fit.predicts or isinstance(e.setting.recipe, ActuatedJoint):
         return None
-    if _in_loop(result):
+    if in_loop(result.advice):
         reason = "the input seems to come from a controller of the output"
     elif e.motion == Motion.STABLE or _motor(result) is not None:
         return None
@@ -194,28 +193,19 @@ def _loop(result: Identification) -> NextStep | None:
 def _motor(result: Identification) -> NextStep | None:
     """A voltage moves an angle or a length, and goes on as long as it acts: a motor, with end stops or without."""
     e = result.evaluation
-    is_place = e.estimation.u_unit == "V" and e.estimation.y_unit in ("rad", "m", *DEGREES)
-    if e.outputs or e.physical or result.selection is not None or not (is_place and _lasts(e)) or _in_loop(result):
-        return None
-    if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
+    moves = e.estimation.u_unit == "V" and e.estimation.y_unit in ("rad", "m", *DEGREES) and lasts(e)
+    is_raw = result.plan.preparation.filter[0] is None  # else its volts and angles would not count from zero
+    if e.outputs or e.physical or result.selection is not None or in_loop(result.advice) or not (moves and is_raw):
         return None
     reason = "the output goes on while a voltage acts, as that of a motor"
     return _step(reason, result, structure=ActuatedJoint.name)
-
-
-def _in_loop(result: Identification) -> bool:
-    """Whether a controller seems to make the input of the output: an input then holds the error of its own sample."""
-    topics = {a.topic: a for a in result.advice}
-    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
-    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
-    return at_once or (feedback is not None and feedback.severity == "warning")
 
 
 def _delay(result: Identification) -> NextStep | None:
     """Orders that cannot represent the delay of the record; a record of a closed loop does not show it."""
     recipe = result.evaluation.setting.recipe
     delays = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
-    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or _in_loop(result):
+    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or in_loop(result.advice):
         return None
     delay, nk = int(delays[0]), recipe.orders["nk"]
     if holds(recipe, delay):
@@ -237,7 +227,7 @@ def _focus(result: Identification) -> NextStep | None:
 def _uncovered_validation(result: Identification) -> NextStep | None:
     """Validation data of which a large share is outside the range of the estimation data."""
     return (
-        _coverage(result) if _share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
+        _coverage(result) if share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
     )
 
 
@@ -246,7 +236,7 @@ def _coverage(result: Identification) -> NextStep | None:
     e = result.evaluation
     if result.plan.validation is not None or not extrapolated_signals(e.estimation, e.validation):
         return None
-    limit = _share_outside(e.estimation, e.validation) / 4
+    limit = share_outside(e.estimation, e.validation) / 4
     for split in SPLITS:
         if split > result.split and _share_outside_split(result, split) <= limit:
             reason = (
@@ -256,15 +246,9 @@ def _coverage(result: Identification) -> NextStep | None:
     return None
 
 
-def _share_outside(estimation: IOData, validation: IOData) -> float:
-    """The largest share over the signals of validation samples outside the range of the estimation data."""
-    covered, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
-    return float(np.mean((new < covered.min(axis=0)) | (new > covered.max(axis=0)), axis=0).max())
-
-
 def _share_outside_split(result: Identification, split: float) -> float:
     try:
-        return _share_outside(*replace(result.plan, split=split).parts(result.record.data))
+        return share_outside(*replace(result.plan, split=split).parts(result.record.data))
     except InputError:  # too short for this split
         return np.inf
 
@@ -272,14 +256,10 @@ def _share_outside_split(result: Identification, split: float) -> float:
 def _nonlinear(result: Identification) -> NextStep | None:
     """A linear model of a nonlinear record."""
     linear = isinstance(result.evaluation.setting.recipe, OutputError)
-    if not linear or result.selection is not None or not _nonlinear_record(result):
+    if not linear or result.selection is not None or not nonlinear(result.advice):
         return None
     reason = "the record is nonlinear, and this model is linear"
     return _step(reason, result, structure=HammersteinWiener.name)
-
-
-def _nonlinear_record(result: Identification) -> bool:
-    return any(a.topic == "nonlinearity" and a.severity == "note" and a.action for a in result.advice)
 
 
 def _more_starts(result: Identification) -> NextStep | None:
@@ -345,18 +325,13 @@ def _integrator(result: Identification) -> Iterable[NextStep]:
     """
     e = result.evaluation
     recipe = e.setting.recipe
-    if result.selection is not None or e.outputs or recipe.with_parts or not _lasts(e):
+    if result.selection is not None or e.outputs or recipe.with_parts or not lasts(e):
         return
     if isinstance(recipe, ProcessModel):
         yield from (_step(_INTEGRATES, result, guess=True, kind=other.kind) for other in recipe.integrating())
         return
     for other in ProcessModel().integrating():
         yield _step(_INTEGRATES, result, guess=True, structure=other.name, kind=other.kind)
-
-
-def _lasts(e: Evaluation) -> bool:
-    """Whether the slowest time constant is longer than the record."""
-    return float(np.abs(e.poles).max(initial=0.0)) > np.exp(-1.0 / max(e.estimation.lengths))
 
 
 def _no_maps(result: Identification) -> NextStep | None:

@@ -24,7 +24,6 @@ from sysid.workflow.record import Record
 from sysid.workflow.setting import Setting
 from sysid.workflow.steps import NextStep
 
-_HALF = 50.0  # [%] of fit of a prediction some steps ahead, which noise adds up in: less misses its data
 RUNAWAY = 3.0  # widths of the output's range from its middle, beyond which a free run has left the data
 
 
@@ -50,8 +49,8 @@ class Growing:
 
     @property
     def misses(self) -> bool:
-        """Whether the prediction misses its data."""
-        return not self.fit >= _HALF
+        """Whether the prediction misses its data: noise adds up in it, but more than half of it is the model's."""
+        return not self.fit >= 50.0
 
 
 @dataclass(frozen=True)
