@@ -17,7 +17,15 @@ from sysid.data.record import IOData, check_magnitudes
 from sysid.diagnosis import signals
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.relation import advise_relation
-from sysid.diagnosis.signals import NO_VALUE, constant_warning, missing_code, stuck_warning, word_warning, wrap_warning
+from sysid.diagnosis.signals import (
+    NO_VALUE,
+    constant_warning,
+    may_be_place,
+    missing_code,
+    stuck_warning,
+    word_warning,
+    wrap_warning,
+)
 from sysid.diagnosis.whitening import Whitened, free_run, nonlinearity, whiten
 
 LEAST = 40  # samples for each signal that the tests need
@@ -29,6 +37,13 @@ _END_STOPS = (  # what to do about a rest
     None,
     "sysid.fit_joint(data).fit",
     ("identify", "--structure", "actuated_joint"),
+)
+_SATURATES = (  # what to do about a rest of what is no place, such as a temperature
+    "a linear model cannot describe it: fit a model whose input or output map saturates",
+    "note",
+    None,
+    "sysid.fit(sysid.structures.hammerstein_wiener(), data)",
+    ("identify", "--structure", "hammerstein_wiener"),
 )
 _RESTING = 0.08  # of the samples, from which an output rests at an end
 _STILL = 0.05  # of the range of a speed, below which it is none
@@ -117,8 +132,9 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
         y = data.y[data.observed[:, j] & ~odd, j]
         y = y if code is None else y[y != code]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
-        yield _rest(name, y, noise, y_shown, white if straight else None)
-    if white is not None and data.y_unit.endswith("/s") and data.u.shape[1] == 1:
+        yield _rest(name, y, noise, y_shown, white if straight else None, may_be_place(data.y_unit))
+    of_speed = data.y_unit.endswith("/s") and may_be_place(data.y_unit.removesuffix("/s"))
+    if white is not None and of_speed and data.u.shape[1] == 1:
         yield from _stands(name, white, noise, straight)
     q = signals.step(y)
     if q is None:
@@ -170,10 +186,11 @@ def _stands(name: str, white: Whitened, noise: float, straight: bool) -> Iterato
         yield Advice("rest", f"{sentence}: an end stop, or what sticks", share, *_END_STOPS)
 
 
-def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Whitened | None) -> Advice:
-    """Rests at the extremes. `linear` is a regression that leaves no nonlinearity; None if there is none.
+def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Whitened | None, place: bool) -> Advice:
+    """Rests at the extremes, of what may be a `place` at end stops.
 
-    One step ahead, a linear model predicts any rest. If its free run follows too, the input holds the output there.
+    `linear` is a regression that leaves no nonlinearity; None if there is none. One step ahead, a linear model predicts
+    any rest. If its free run follows too, the input holds the output there.
     """
     rest = signals.rests(y, noise)
     moving = signals.sine_rest(rest.band / (float(np.ptp(y)) or 1.0))
@@ -190,6 +207,8 @@ def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Wh
         return Advice(
             "rest", f"{sentence}, where the input holds it: a linear model explains that", largest_share, "", "fine"
         )
+    if not place:
+        return Advice("rest", f"{sentence}: a saturation", largest_share, *_SATURATES)
     return Advice("rest", f"{sentence}: an end stop or a saturation", largest_share, *_END_STOPS)
 
 

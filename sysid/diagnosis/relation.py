@@ -1,6 +1,6 @@
 """Findings on one output together with the inputs: delay, feedback, nonlinearity, rate and drift."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from sysid.diagnosis.delays import Delay, delay_from_input
 from sysid.diagnosis.finding import LEVEL, Advice, aprbs, channel
 from sysid.diagnosis.whitening import Whitened, bent_effect, drift, drift_size, feedback, is_computed, nonlinearity
 
+NO_EFFECT = "the record shows no effect of"
 _DRIFT = 0.3  # standard deviations of the output over the record; less hardly moves a fit
 _CREEP = 0.05  # the same, below which a drift is of no account however sure it is
 COMPUTED = "follows to the last digit from"
@@ -31,6 +32,12 @@ def advise_relation(data: IOData, j: int, white: Whitened) -> Iterator[Advice]:
             yield _rate(data, d, u, y)
     yield _nonlinearity(data, white, y, nk)
     yield _drift(y, white)
+
+
+def without_effect(findings: Iterable[Advice]) -> Advice | None:
+    """The first finding that an input shows no effect, of a record in which none shows one; None of others."""
+    delays = [a for a in findings if a.topic == "delay"]
+    return delays[0] if delays and all(a.sentence.startswith(NO_EFFECT) for a in delays) else None
 
 
 def _drift(y: str, white: Whitened) -> Advice:
@@ -78,9 +85,9 @@ def _no_lag(u: str, y: str, d: Delay, data: IOData, white: Whitened, i: int) -> 
         )
     return Advice(
         "delay",
-        f"{lags} together show no effect on {y} ({probability(d.p)})",
+        f"{NO_EFFECT} {u} on {y} ({probability(d.p)}, lags 0..{d.high} together)",
         float("nan"),
-        "look whether the columns belong together, or increase the excitation",
+        f"record again with an input that moves {y}, or look whether the columns belong together",
         "warning",
         call="sysid.plots.record(data)",
         command=("info",),

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.base.quantities import display_quantity
+from sysid.base.quantities import SHARE, display_quantity
 from sysid.data.record import IOData
 from sysid.data.words import word_of
-from sysid.data.wraps import unwrapped
+from sysid.data.wraps import DEGREES, unwrapped
 from sysid.diagnosis.finding import Advice, channel
 
 _PERSISTENCE_SAMPLES = 20_000  # samples used for the order of excitation
@@ -252,3 +252,8 @@ def stuck_warning(data: IOData, j: int) -> Advice | None:
 def _value_in_words(value: float, unit: str) -> str:
     q = display_quantity("", unit)
     return f"{value * q.factor:.4g} {q.unit}".rstrip()
+
+
+def may_be_place(unit: str) -> bool:
+    """Whether an output of this unit may be a place, which end stops bound: an angle, a length, or an unknown one."""
+    return unit in ("", "1", SHARE, "counts", "rad", "m", *DEGREES)

@@ -14,7 +14,7 @@ from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.prior import Prior
 from sysid.estimation.problem import ChainProblem
-from sysid.estimation.starts._start import longest
+from sysid.estimation.starts._start import longest, longest_number
 from sysid.estimation.starts.portfolio.candidates import StartingPoint, starting_points
 from sysid.estimation.starts.portfolio.curves import movable_maps
 from sysid.estimation.starts.portfolio.moves import move_breakpoints, pole_alternatives
@@ -263,10 +263,11 @@ def _refine(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> 
 
 def _try_other_poles(context: SearchContext, problem: ChainProblem, outcome: Outcome) -> tuple[ChainProblem, Outcome]:
     """The search from other poles of the fit's own filters, if that leads lower."""
-    theta, rng = problem.thetas(outcome.p)[0], np.random.default_rng(0)
+    number = longest_number(context.data)
+    theta, record = problem.thetas(outcome.p)[number], context.data.experiments[number]
     best, end = problem, outcome
-    for point in pole_alternatives(context.model, theta, context.data.experiments[0], rng, _OTHER_POLES):
-        candidate = _problem_at(context.model, problem, outcome, point)
+    for point in pole_alternatives(context.model, theta, record, np.random.default_rng(0), _OTHER_POLES):
+        candidate = _problem_at(context.model, problem, outcome, point, number)
         end_moved = context.trial(candidate)
         if end_moved.cost < _WORTH * end.cost:
             best, end = candidate, outcome.then(end_moved)
@@ -290,16 +291,17 @@ def _move_breakpoints(
     context: SearchContext, problem: ChainProblem, outcome: Outcome, near: bool
 ) -> ChainProblem | None:
     """The problem with break points in other places, None if there is nothing to win."""
-    theta, record = problem.thetas(outcome.p)[0], context.data.experiments[0]
+    number = longest_number(context.data)
+    theta, record = problem.thetas(outcome.p)[number], context.data.experiments[number]
     theta_moved = move_breakpoints(
         context.model, theta, record if record.N <= _WINDOW else record.select(0, _WINDOW), near
     )
-    return None if theta_moved is None else _problem_at(context.model, problem, outcome, theta_moved)
+    return None if theta_moved is None else _problem_at(context.model, problem, outcome, theta_moved, number)
 
 
-def _problem_at(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray) -> ChainProblem:
-    """The problem around theta (P,), with the initial states that the further experiments have in the outcome."""
+def _problem_at(model: Chain, problem: ChainProblem, outcome: Outcome, theta: np.ndarray, number: int) -> ChainProblem:
+    """The problem around theta (P,) of one experiment, with the initial states that the others have in the outcome."""
     thetas = problem.thetas(outcome.p)
     thetas[:, ~model.initial] = theta[~model.initial]
-    thetas[0] = theta
+    thetas[number] = theta
     return replace(problem, theta0=thetas, scratch={})

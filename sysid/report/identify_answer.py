@@ -4,8 +4,10 @@ import numpy as np
 
 from sysid.base.poles import Motion
 from sysid.base.quantities import capital, number, percent
+from sysid.data.record import IOData
 from sysid.diagnosis import residuals
-from sysid.diagnosis.relation import COMPUTED
+from sysid.diagnosis.finding import Advice
+from sysid.diagnosis.relation import COMPUTED, without_effect
 from sysid.diagnosis.signals import NO_VALUE
 from sysid.diagnosis.worth import worth
 from sysid.drawing.figure import Figure
@@ -43,7 +45,7 @@ def word(result: Identification) -> Word:
     A prediction some steps ahead that is poor, but misses less than half of its data, is usable.
     """
     e = result.evaluation
-    if _bad(e) or _wrong(e) or _spoilt(result):
+    if _bad(e) or _wrong(e) or _spoilt(result) or _without_effect(result):
         return POOR
     is_sound = result.next is None and e.unseen and not verdict.no_joint(e)
     is_sound = is_sound and not _computed(result) and not systematic(e)
@@ -53,6 +55,11 @@ def word(result: Identification) -> Word:
     return USABLE if found == POOR else found
 
 
+def _without_effect(result: Identification) -> Advice | None:
+    """The finding that the input shows no effect, beside a model that is not good; None of others."""
+    return without_effect(result.advice) if result.evaluation.judged_fit < residuals.POOR else None
+
+
 def _computed(result: Identification) -> str:
     """What is said of an input that a controller computes from the output; empty of others."""
     return next((a.sentence for a in result.advice if COMPUTED in a.sentence), "")
@@ -60,7 +67,7 @@ def _computed(result: Identification) -> str:
 
 def _bad(e: Evaluation) -> bool:
     """Whether the model misses its data: a prediction some steps ahead, which noise adds up in, by more than half."""
-    return verdict.bad(e) and (e.growing is None or e.judged_fit < verdict.NO_VOUCHER)
+    return verdict.bad(e) and (e.growing is None or e.growing.misses)
 
 
 def _wrong(e: Evaluation) -> list[str]:
@@ -81,6 +88,8 @@ def sentence(result: Identification) -> str:
     e, wrong = result.evaluation, _wrong(result.evaluation)
     if verdict.no_joint(e) and e.joint is not None:
         return e.joint.sentence()
+    if (none := _without_effect(result)) is not None:
+        return f"{capital(none.sentence)}."
     if wrong:
         return f"Do not use this model: {wrong[0].partition(';')[0]}."
     if _bad(e) or _spoilt(result):
@@ -111,6 +120,8 @@ def following(result: Identification, model: str = "") -> str:
         return f"Next: {result.next.why.rpartition(': ')[2]}; then {result.next.command}"
     if result.next is not None:
         return "\n".join([result.next.line("Next"), *([result.also.line("Or")] if result.also else [])])
+    if (none := _without_effect(result)) is not None:
+        return f"Next: {none.action}"
     if word(result) == POOR:
         actions = [a.action for a in result.advice if a.severity == "warning" and a.action]
         todo = actions[0] if actions else "record again with an input that shows more of the system"
@@ -120,13 +131,15 @@ def following(result: Identification, model: str = "") -> str:
 
 def run_figure(e: Evaluation) -> Figure:
     """The data that the model is judged by with its run over them, and below what is left of each output."""
-    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
-    name = "free run"
-    if e.growing is not None and e.one_step is not None:
-        run = e.one_step.validation_output if e.unseen else e.one_step.estimation_output
-        name = "prediction one step ahead"
-    figure = runs_figure(data, {name: run})
+    data, run = _judged_run(e)
+    figure = runs_figure(data, {"free run" if e.growing is None else "prediction one step ahead": run})
     return short(figure, data.y.shape[1])
+
+
+def _judged_run(e: Evaluation) -> tuple[IOData, np.ndarray]:
+    """The data that the model is judged by, and its free run over them, or its prediction where it does not settle."""
+    of = e if e.growing is None or e.one_step is None else e.one_step
+    return (e.validation, of.validation_output) if e.unseen else (e.estimation, of.estimation_output)
 
 
 def _caption(result: Identification) -> str:
@@ -160,13 +173,13 @@ def _lasting(e: Evaluation) -> list[tuple[str, ...]]:
 
 
 def _errors(e: Evaluation) -> list[tuple[str, ...]]:
-    """The mean error of each output in its unit."""
-    data, run = (e.validation, e.validation_output) if e.unseen else (e.estimation, e.estimation_output)
+    """The mean error of each output in its unit; one step ahead of a model that does not settle."""
+    data, run, ahead = *_judged_run(e), "" if e.growing is None else " one step ahead"
     error = np.where(data.observed, data.y - np.reshape(run, data.y.shape), np.nan)[e.fit.n_init :]
     shown, rows = e.outputs or [None], list[tuple[str, ...]]()
     for k, output in enumerate(shown):
         q = figures.signals(e)[1] if output is None else figures.display_quantity(output.name, output.unit)
         with np.errstate(over="ignore", invalid="ignore"):
             rms = float(np.sqrt(np.nanmean(error[:, k] ** 2)))
-        rows.append((f"error of {q.name}, RMS", number(q.factor * rms, 3), "–", q.unit))
+        rows.append((f"error of {q.name}{ahead}, RMS", number(q.factor * rms, 3), "–", q.unit))
     return rows

@@ -2,6 +2,7 @@
 
 from sysid.base.quantities import capital, display_quantity, number
 from sysid.channels.signals import Signals
+from sysid.diagnosis.relation import without_effect
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Picture
 from sysid.workflow.inspection import Inspection
@@ -21,7 +22,7 @@ def answer(result: Inspection, picture: Picture | None) -> Answer:
 
 def word(result: Inspection) -> Word:
     """Poor where nothing can be identified from it as it is; good where nothing is in doubt, repaired or warned of."""
-    if result.signals is None or result.obstacle:
+    if result.signals is None or result.obstacle or without_effect(result.advice) is not None:
         return POOR
     doubts = (*result.unclear, result.problem, *_warnings(result), *_repairs(result.signals))
     return USABLE if any(doubts) else GOOD
@@ -74,6 +75,8 @@ def following(result: Inspection) -> str:
         edit = result.unclear and result.unwritten is None
         first = f"fill in the lines of {result.options[-1]} that say CHOOSE, then: " if edit else ""
         return f"Next: {first}{result.command}"
+    if (none := without_effect(result.advice)) is not None and not result.obstacle:
+        return f"Next: {none.action}"
     if not result.obstacle:  # the problem says itself what to do
         todo = result.problem.partition(";")[2].strip()
         return f"Next: {todo}" if todo else ""

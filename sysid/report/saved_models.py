@@ -52,6 +52,9 @@ def run_sentences(result: ModelRun | InputRun) -> list[str]:
     lines = [
         f"In free run the model follows the record to {percent(result.percent)}"
         + ("." if was is None else f" ({percent(was)} on its estimation data).")
+        if result.growth is None
+        else "The model does not settle: a free run adds up all errors and says nothing of it, so its prediction "
+        f"{result.growth.ahead} is judged: {percent(result.growth.fit)}."
     ]
     if result.ahead is not None:
         a = result.ahead
@@ -70,7 +73,8 @@ def run_sentences(result: ModelRun | InputRun) -> list[str]:
 
 def tests_in_words(result: ModelRun) -> str:
     """Whether the residuals of the free run are noise and tell nothing of the input."""
-    return f"{capital(left_in_words(result.tests))} (residuals of the free run)."
+    of = "of the free run" if result.growth is None else "one step ahead"
+    return f"{capital(left_in_words(result.tests))} (residuals {of})."
 
 
 def _prediction_method(result: ModelRun) -> str:

@@ -4,7 +4,7 @@ from sysid.base.quantities import capital, percent
 from sysid.diagnosis.residuals import CLOSE
 from sysid.diagnosis.worth import worth
 from sysid.report import saved_models_parts as parts
-from sysid.report.answer import POOR, Answer, Word, short
+from sysid.report.answer import POOR, USABLE, Answer, Word, short
 from sysid.report.page import Picture
 from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
@@ -25,13 +25,14 @@ def of_run(result: ModelRun | InputRun) -> Answer:
             Picture.of("free-run", parts.input_run_figure(result), "The input, and the model's run from rest."),
             values=values,
         )
-    figure = short(parts.run_figure(result), len(result.percents))
+    judged_figure = parts.run_figure if result.growth is None else parts.prediction_figure
+    figure = short(judged_figure(result), len(result.percents))
     return Answer(
-        percent(result.percent),
-        "of the record explained by the model's free run",
+        percent(result.judged_fit),
+        f"of the record explained by the model's {result.judged}",
         word(result),
         sentence(result),
-        Picture.of("free-run", figure, _CAPTION.format(result.n_init)),
+        Picture.of("free-run", figure, (_CAPTION if result.growth is None else _AHEAD).format(result.n_init)),
         values=values,
         next=_next(result),
     )
@@ -41,17 +42,27 @@ _CAPTION = (
     "Measured and free run; below, what is left. The first {} outputs give the initial state and are not scored: a "
     "good model leaves what looks like noise."
 )
+_AHEAD = (
+    "Measured, and predicted from the outputs measured before: the model does not settle, so its free run adds up all "
+    "errors. The first {} outputs are not scored."
+)
 
 
 def word(result: ModelRun) -> Word:
     """As `worth` says; sound where the fit does not fall behind that of the estimation data, no error is systematic,
-    and the file does not warn of the model."""
+    and the file does not warn of the model. A prediction that is poor, but does not miss its data, is usable."""
+    if result.growth is not None:
+        found = worth(result.judged_fit, result.tests, not unfit(result.model.fit))
+        return USABLE if found == POOR and not result.growth.misses else found
     is_sound = fell(result.model.estimation, result.percent) is None and not unfit(result.model.fit)
     return worth(result.percent, result.tests, is_sound and not (constant(result) or unexplained(result)))
 
 
 def sentence(result: ModelRun) -> str:
     """Why the word."""
+    if result.growth is not None:
+        text = result.next.why if result.next is not None else left_in_words(result.tests, result.notes)
+        return f"{capital(text)}."
     text = constant(result) or (result.next.why if result.next is not None else "")
     text = text or fell(result.model.estimation, result.percent) or unexplained(result)
     return f"{capital(text or left_in_words(result.tests, result.notes))}."

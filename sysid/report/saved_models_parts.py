@@ -26,13 +26,17 @@ def run_tables(result: ModelRun | InputRun) -> list[Grid]:
         rows = [[name, number(float(run.min())), number(float(run.max())), unit] for name, run, unit in shown]
         return [Grid(["output", "smallest", "largest", "unit"], rows)]
     a, rows = result.ahead, []
-    for j, (fit, rmse) in enumerate(zip(result.percents, result.rmse, strict=True)):
+    of_ahead = a is not None and result.growth is not None  # whose free run says nothing
+    percents, errors = (a.percents, a.rmse) if a is not None and of_ahead else (result.percents, result.rmse)
+    for j, (fit, rmse) in enumerate(zip(percents, errors, strict=True)):
         record = one_output(result.data, j)
         y = display_quantity(record.y_name, record.y_unit)
         row = [record.y_name or "y", percent(fit), number(rmse * y.factor), y.unit]
-        rows.append(row if a is None else [*row, percent(a.percents[j]), percent(a.held[j])])
-    heads = ["output", "free run", "RMS error", "unit"]
-    heads += [] if a is None else [f"{a.horizon} ahead", "last output held"]
+        row += [] if a is None or of_ahead else [percent(a.percents[j])]
+        rows.append(row if a is None else [*row, percent(a.held[j])])
+    ahead = "" if a is None else f"{a.horizon} ahead"
+    heads = ["output", *([ahead, f"RMS error {ahead}"] if of_ahead else ["free run", "RMS error"]), "unit"]
+    heads += [] if a is None else ["last output held"] if of_ahead else [ahead, "last output held"]
     return [Grid(heads, rows)]
 
 

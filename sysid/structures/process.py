@@ -87,6 +87,14 @@ class ProcessModel(Recipe):
         changes += [{name: not getattr(b, name)} for name in ("integrator", "delayed", "zero")]
         return self._with(changes)
 
+    def integrating(self) -> tuple["ProcessModel", ...]:
+        """With an integrator in place of the slowest time constant, or beside all; without the delay, and with it."""
+        b = self._block
+        fewer: dict[str, Any] = {"lags": 1, "pair": False} if b.pair else {"lags": b.lags - 1}
+        delays = (False, True) if b.delayed else (False,)
+        changes = [{**lags, "integrator": True, "delayed": d} for lags in (fewer, {}) for d in delays]
+        return () if b.integrator else self._with(changes)
+
     def parts(self, Ts: float) -> dict[str, tuple[float, tuple[Recipe, ...]]]:
         b = self._block
         fewer = self._with([{"lags": lags} for lags in range(b.lags)])

@@ -17,6 +17,7 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import StaticBlock
 from sysid.blocks.offset import is_offset
+from sysid.data.record import IOData
 from sysid.uncertainty.information import GAUGE, Information
 from sysid.uncertainty.intervals import Band, band
 
@@ -76,7 +77,7 @@ def curves(info: Information, points: int = 101, level: float = 0.95) -> tuple[C
 def curve(info: Information, role: str, x: np.ndarray | None = None, points: int = 101, level: float = 0.95) -> Curve:
     """The static map with this role over x (n,), by default `points` over its input range in the record.
 
-    x is in the scale of the curve, see `Curve`. The first of merged experiments gives the scale.
+    x is in the scale of the curve, see `Curve`. The first of merged experiments that moves gives the scale.
     """
     if role not in _roles(info):
         raise unknown("static map", role, _roles(info))
@@ -101,10 +102,15 @@ def _is_last(info: Information, k: int) -> bool:
     return all(map(is_offset, info.chain.blocks[k + 1 :]))
 
 
+def _scaling(data: IOData) -> IOData:
+    """The first experiment in which the input moves; the first if none."""
+    return next((e for e in data.experiments if np.ptp(e.u) > 0.0), data.experiments[0])
+
+
 def _signals(info: Information, k: int) -> tuple[tuple[_Signal, _Signal], float, float]:
-    """Input and output of block k over the first experiment, the covariance of the two, and the sign with which the
-    input follows u: that of their largest covariance at any delay."""
-    record, chain, theta = info.data.experiments[0], info.chain, info.theta
+    """Input and output of block k over the experiment that scales them, the covariance of the two, and the sign with
+    which the input follows u: that of their largest covariance at any delay."""
+    record, chain, theta = _scaling(info.data), info.chain, info.theta
     x, J, q = np.ascontiguousarray(record.u[:, 0]), np.zeros((record.N, len(theta))), 0
     map_input = x, J.copy()
     for b in chain.blocks[: k + 1]:
@@ -124,7 +130,7 @@ def _scales(
 
     Between two filters a map that is turned by half a turn increases too, hence `follows`.
     """
-    record = info.data.experiments[0]
+    record = _scaling(info.data)
     u, y = record.u[:, 0], record.y[record.observed[:, 0], 0]
     if first and last:
         return None, None

@@ -1,5 +1,6 @@
 """What a finding on a record still says once a model was fitted to it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -78,3 +79,16 @@ def advice_after_fit(advice: Advice, fitted: Recipe, percent: float) -> Advice:
     if advised_structure != fitted.name and not (weaker and percent >= POOR):
         return advice
     return replace(advice, action="", call="", command=())
+
+
+def in_loop(findings: Sequence[Advice]) -> bool:
+    """Whether a controller seems to make the input of the output: an input then holds the error of its own sample."""
+    topics = {a.topic: a for a in findings}
+    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
+    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
+    return at_once or (feedback is not None and feedback.severity == "warning")
+
+
+def nonlinear(findings: Sequence[Advice]) -> bool:
+    """Whether the record shows a nonlinearity that a map may explain."""
+    return any(a.topic == "nonlinearity" and a.severity == "note" and a.action for a in findings)

@@ -239,11 +239,11 @@ def _one_step(fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> On
         fit.predict(validation),
         fit.prediction_percent(estimation),
         fit.prediction_percent(validation),
-        _growth(fit, validation) if isinstance(fit, Fit) else None,
+        growth(fit, validation) if isinstance(fit, Fit) else None,
     )
 
 
-def _growth(fit: Fit, validation: IOData) -> Growing | None:
+def growth(fit: Fit, validation: IOData) -> Growing | None:
     """The prediction that tells a right model that does not settle from a wrong one.
 
     As far ahead as the model's own noise leaves a fit that is not poor, at most to where errors have grown e times, or

@@ -20,6 +20,7 @@ from sysid.channels.roles import TOGETHER
 from sysid.channels.signals import Signals
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
+from sysid.diagnosis.relation import without_effect
 from sysid.diagnosis.signals import MAP_FILE
 from sysid.formats import TABLE, read_table
 from sysid.structures import ServoJoint
@@ -91,7 +92,7 @@ class Inspection:
             return f"{shlex.join(['qpal', 'identify', str(self.path)])} {together}"
         if self.unwritten is not None:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
-        if self.obstacle or (self.problem and not self.repairs):
+        if self.obstacle or without_effect(self.advice) is not None or (self.problem and not self.repairs):
             return ""
         verb, *advised = self.first
         return shlex.join(["qpal", verb, str(self.path), *self.options, *advised])

@@ -13,9 +13,11 @@ from sysid.base.files import versions, write_text
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import CLOSE, UNTESTED, ResidualTests, poor
 from sysid.estimation.free_run import beyond, quiet
+from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.workflow.input_run import InputRun, record_of_inputs, run_inputs
 from sysid.workflow.record import Record
+from sysid.workflow.results import Growing
 from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks, unfit
 from sysid.workflow.steps import NextStep
 
@@ -24,7 +26,8 @@ SAME = 1.0  # [%] between the fit of a free run and that of the same run from es
 
 @dataclass(frozen=True)
 class Prediction:
-    """Prediction `horizon` samples ahead: output (N, ny), its fit [%] of each output, and of holding the last output.
+    """Prediction `horizon` samples ahead: output (N, ny), its fit [%] and error (RMS) of each output, and the fit of
+    holding the last output.
 
     `held` is the fit of y(t - horizon) itself: a prediction that is no better knows nothing.
     """
@@ -33,11 +36,16 @@ class Prediction:
     output: np.ndarray
     percents: tuple[float, ...]
     held: tuple[float, ...]
+    rmse: tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class ModelRun:
-    """A model's free run (N, ny) on `data`, scored after the first `n_init` samples; `percents` one for each output."""
+    """A model's free run (N, ny) on `data`, scored after the first `n_init` samples; `percents` one for each output.
+
+    `growth` is the prediction that judges a model that does not settle, whose free run adds up all errors; None of
+    others.
+    """
 
     model: Saved
     record: Record
@@ -50,18 +58,29 @@ class ModelRun:
     tests: ResidualTests | None
     notes: tuple[str, ...]
     next: NextStep | None = None
+    growth: Growing | None = None
 
     @property
     def percent(self) -> float:
         """Mean fit [%] over the outputs."""
         return float(np.mean(self.percents))
 
+    @property
+    def judged_fit(self) -> float:
+        """The fit [%] that a judgement takes: of the free run, or of the prediction where there is a `growth`."""
+        return self.percent if self.growth is None else self.growth.fit
+
+    @property
+    def judged(self) -> str:
+        """What `judged_fit` is the fit of, in words."""
+        return "free run" if self.growth is None else f"prediction {self.growth.ahead}"
+
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal run`, ready for JSON."""
         summary = {
             "model": self.model.as_dict(),
             "read": self.record.as_dict(),
-            "fit_percent": {"free_run": self.percent, "outputs": list(self.percents)},
+            "fit_percent": {"free_run": self.percent, "outputs": list(self.percents), "judged": self.judged_fit},
             "rmse": list(self.rmse),
             "not_scored": self.n_init,
             "residuals": self.tests.as_dict() if self.tests else None,
@@ -108,26 +127,37 @@ def run_file(
 
 @quiet()
 def on_record(
-    saved: Saved, record: Record, data: IOData, notes: tuple[str, ...], reading: Reading, horizon: int | None = None
+    saved: Saved,
+    record: Record,
+    data: IOData,
+    notes: tuple[str, ...],
+    reading: Reading,
+    horizon: int | None = None,
+    compared: bool = False,
 ) -> ModelRun:
-    """Free run and prediction on `data`, which `data_for` gave."""
+    """Free run and prediction on `data`, which `data_for` gave; models that are compared are judged by free runs."""
+    from sysid.workflow.evaluation import growth
+
     fit = saved.fit
+    growing = growth(fit, data) if isinstance(fit, Fit) and fit.predicts and not compared else None
+    horizon = growing.horizon if growing is not None and horizon is None else horizon
     n = fit.n_init
     counts = scored(data, n)
     y = fit.simulate(data).reshape(data.y.shape)
     percents = _percents(data, y, counts)
-    tests, sentences = None, [*notes, *remarks(fit, data, y)]
+    tests, sentences = None, [*notes, *remarks(fit, data, y, counts=growing is None)]
     try:
         tests = _tests(fit, data)
     except InputError as error:
         sentences.append(f"{UNTESTED}{error}")
-    fall = fell(saved.estimation, float(np.mean(percents)))
+    fall = None if growing is not None else fell(saved.estimation, float(np.mean(percents)))
     sentences += [fall] if fall else []
     prediction = None if horizon is None else _predict_ahead(saved, data, counts, horizon)
     if prediction is not None and (gone := beyond(prediction.output, fit.remedy, f"the prediction {horizon} ahead")):
         sentences.append(gone)
-    rmse = tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
-    result = ModelRun(saved, record, data, y, percents, rmse, n, prediction, tests, tuple(sentences))
+    result = ModelRun(
+        saved, record, data, y, percents, _rmse(data, y, counts), n, prediction, tests, tuple(sentences), growth=growing
+    )
     return ModelRun(**{**vars(result), "next": _next(result, reading)})
 
 
@@ -190,16 +220,20 @@ def _percents(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, .
     return tuple(percents)
 
 
+def _rmse(data: IOData, y: np.ndarray, counts: np.ndarray) -> tuple[float, ...]:
+    return tuple(rms(column[k]) for column, k in zip((data.y - y).T, counts.T, strict=True))
+
+
 def _predict_ahead(saved: Saved, data: IOData, counts: np.ndarray, horizon: int) -> Prediction:
     y = saved.fit.predict(data, horizon).reshape(data.y.shape)
     starts = np.repeat(np.cumsum(data.lengths) - data.lengths, data.lengths)
     held = data.y[np.maximum(np.arange(data.N) - horizon, starts)]
-    return Prediction(horizon, y, _percents(data, y, counts), _percents(data, held, counts))
+    return Prediction(horizon, y, _percents(data, y, counts), _percents(data, held, counts), _rmse(data, y, counts))
 
 
 def _next(result: ModelRun, reading: Reading) -> NextStep | None:
     """A fit to this record, where the model does not follow it: of the same structure, if that followed its own."""
-    if not poor(result.percent, result.tests):
+    if not poor(result.judged_fit, result.tests) or (result.growth is not None and not result.growth.misses):
         return None
     structure = result.model.fit.model.structure
     words = ["qpal", "identify", reading.path, *result.record.options]
@@ -293,7 +327,7 @@ def run_models(paths: list[str], reading: Reading) -> Models:
     for model in saved:
         try:
             data, notes = data_for(model.fit, record, reading)
-            runs.append(on_record(model, record, data, notes, reading))
+            runs.append(on_record(model, record, data, notes, reading, compared=True))
         except InputError as error:
             raise InputError(f"{model.path}: {error}") from None
     runs.sort(key=lambda run: (-run.percent, run.model.fit.criteria.d))

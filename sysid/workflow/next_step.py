@@ -11,9 +11,10 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.limits import MORE_STARTS
 from sysid.base.poles import Motion
-from sysid.data.record import IOData
+from sysid.data.wraps import DEGREES
+from sysid.diagnosis.relation import without_effect
 from sysid.diagnosis.residuals import CLOSE, POOR, poor
-from sysid.diagnosis.signals import NO_VALUE, WRAPS
+from sysid.diagnosis.signals import NO_VALUE, WRAPS, may_be_place
 from sysid.model.recipes import Recipe
 from sysid.structures import (
     ActuatedJoint,
@@ -25,16 +26,17 @@ from sysid.structures import (
     ProcessModel,
     ServoJoint,
 )
-from sysid.workflow.advice_after_fit import holds
+from sysid.workflow.advice_after_fit import holds, in_loop, nonlinear
 from sysid.workflow.changes import STARTS, command
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
-from sysid.workflow.remarks import extrapolated_signals, gain_remarks
+from sysid.workflow.remarks import extrapolated_signals, gain_remarks, share_outside
 from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.servo import is_of_servo
 from sysid.workflow.steps import NextStep
-from sysid.workflow.what_is_left import unexplained, zeros_differ
+from sysid.workflow.what_is_left import lasts, unexplained, zeros_differ
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
+_INTEGRATES = "the plant integrates over all of this record"
 SPLITS = (0.6, 0.7, 0.8)
 
 _Rule = Callable[[Identification], "NextStep | Iterable[NextStep] | None"]
@@ -57,6 +59,8 @@ def proposals(result: Identification) -> list[NextStep]:
     is_bad = poor(e.judged_fit, e.tests) or against_the_record(e)
     if (first := _logging_fault(result, is_bad)) is not None:
         return [first]
+    if is_bad and without_effect(result.advice) is not None:  # no model finds what is not there
+        return []
     if not e.fit.stop.converged or (e.joint_fit is not None and e.joint_fit.stopped):
         longer_search = _more_time(result)
         if longer_search is not None:  # what else may be wrong is seen after the whole search
@@ -74,17 +78,18 @@ def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
             return (_nonlinear, _uncovered_validation, _coverage, _no_maps, _offset, _more_starts, _general)
         return (_nonlinear, _no_maps, _offset, _general, _more_starts) if unexplained(e) else ()
     if is_bad:  # what the structure cannot describe comes before what it has not seen
-        rules = (_ends, _servo, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset, _process)
-        return (*rules, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
+        rules = (_ends, _servo, _motor, _loop, _nonlinear, _uncovered_validation, _delay, _focus, _coverage, _offset)
+        return (*rules, _process, _integrator, _no_maps, _sizes, _more_starts, _search_structures, _other_kind)
     if not e.fit.stop.converged:
-        return (_process, _servo, _offset, _more_starts, _no_maps, _undetermined)
+        return (_process, _integrator, _servo, _motor, _offset, _more_starts, _no_maps, _undetermined)
     is_coloured = e.tests is not None and not e.tests.white and e.judged_fit < 100.0 - CLOSE
     if is_coloured and not isinstance(e.setting.recipe, ActuatedJoint):
-        smaller = (_ends, _servo, _nonlinear, _delay, _undetermined, _offset, _process, _no_maps, _sizes)
+        physics = (_ends, _servo, _motor)
+        smaller = (*physics, _nonlinear, _delay, _undetermined, _offset, _process, _integrator, _no_maps, _sizes)
         depends = e.tests is not None and not e.tests.independent
         # A search costs minutes: it is for an error that noise or a constant does not explain.
         return (*smaller, _search_structures) if depends or unexplained(e) else smaller
-    return (_undetermined,)
+    return (_integrator, _undetermined) if isinstance(e.setting.recipe, ProcessModel) else (_undetermined,)
 
 
 def _steps(found: NextStep | Iterable[NextStep] | None) -> Iterable[NextStep]:
@@ -134,7 +139,7 @@ def _no_joint(result: Identification) -> NextStep | None:
     A record that does not show whether it is a joint's, or half of which hardly moves, is to be followed by another.
     """
     e = result.evaluation
-    is_uncovered = _share_outside(e.estimation, e.validation) > MOST
+    is_uncovered = share_outside(e.estimation, e.validation) > MOST
     if is_uncovered or (e.joint is not None and e.joint.undetermined):
         record = result.record
         first = str(record.files[0] if record.files else record.path)  # an experiment follows from one record
@@ -153,7 +158,8 @@ def _ends(result: Identification) -> NextStep | None:
     """The record rests at its ends and the model has no end stops; a structure search has tried a model with them."""
     recipe = result.evaluation.setting.recipe
     rests = next((a.sentence for a in result.advice if a.topic == "rest" and a.severity != "fine"), "")
-    if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint):
+    is_place = may_be_place(result.evaluation.estimation.y_unit)
+    if not rests or not is_place or result.selection is not None or isinstance(recipe, ActuatedJoint):
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
@@ -172,32 +178,35 @@ def _servo(result: Identification) -> NextStep | None:
 
 
 def _loop(result: Identification) -> NextStep | None:
-    """A controller makes the input, or the plant integrates or is not stable: a model that predicts."""
+    """A controller makes the input, or the plant integrates or is not stable: a model that predicts; not of a motor."""
     e = result.evaluation
     if e.fit.predicts or isinstance(e.setting.recipe, ActuatedJoint):
         return None
-    if _in_loop(result):
+    if in_loop(result.advice):
         reason = "the input seems to come from a controller of the output"
-    elif e.motion == Motion.STABLE:
+    elif e.motion == Motion.STABLE or _motor(result) is not None:
         return None
     else:
         reason = "the plant seems to integrate, or is not stable"
     return _step(f"{reason}, where a free run says little", result, structure=Armax.name)
 
 
-def _in_loop(result: Identification) -> bool:
-    """Whether a controller seems to make the input of the output: an input then holds the error of its own sample."""
-    topics = {a.topic: a for a in result.advice}
-    feedback, delay, rate = (topics.get(t) for t in ("feedback", "delay", "rate"))
-    at_once = delay is not None and delay.value == 0 and rate is not None and not np.isfinite(rate.value)
-    return at_once or (feedback is not None and feedback.severity == "warning")
+def _motor(result: Identification) -> NextStep | None:
+    """A voltage moves an angle or a length, and goes on as long as it acts: a motor, with end stops or without."""
+    e = result.evaluation
+    moves = e.estimation.u_unit == "V" and e.estimation.y_unit in ("rad", "m", *DEGREES) and lasts(e)
+    is_raw = result.plan.preparation.filter[0] is None  # else its volts and angles would not count from zero
+    if e.outputs or e.physical or result.selection is not None or in_loop(result.advice) or not (moves and is_raw):
+        return None
+    reason = "the output goes on while a voltage acts, as that of a motor"
+    return _step(reason, result, structure=ActuatedJoint.name)
 
 
 def _delay(result: Identification) -> NextStep | None:
     """Orders that cannot represent the delay of the record; a record of a closed loop does not show it."""
     recipe = result.evaluation.setting.recipe
     delays = [a.value for a in result.advice if a.topic == "delay" and np.isfinite(a.value)]
-    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or _in_loop(result):
+    if not {"nb", "nk"} <= set(recipe.orders) or result.selection is not None or not delays or in_loop(result.advice):
         return None
     delay, nk = int(delays[0]), recipe.orders["nk"]
     if holds(recipe, delay):
@@ -219,7 +228,7 @@ def _focus(result: Identification) -> NextStep | None:
 def _uncovered_validation(result: Identification) -> NextStep | None:
     """Validation data of which a large share is outside the range of the estimation data."""
     return (
-        _coverage(result) if _share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
+        _coverage(result) if share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
     )
 
 
@@ -228,7 +237,7 @@ def _coverage(result: Identification) -> NextStep | None:
     e = result.evaluation
     if result.plan.validation is not None or not extrapolated_signals(e.estimation, e.validation):
         return None
-    limit = _share_outside(e.estimation, e.validation) / 4
+    limit = share_outside(e.estimation, e.validation) / 4
     for split in SPLITS:
         if split > result.split and _share_outside_split(result, split) <= limit:
             reason = (
@@ -238,15 +247,9 @@ def _coverage(result: Identification) -> NextStep | None:
     return None
 
 
-def _share_outside(estimation: IOData, validation: IOData) -> float:
-    """The largest share over the signals of validation samples outside the range of the estimation data."""
-    covered, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
-    return float(np.mean((new < covered.min(axis=0)) | (new > covered.max(axis=0)), axis=0).max())
-
-
 def _share_outside_split(result: Identification, split: float) -> float:
     try:
-        return _share_outside(*replace(result.plan, split=split).parts(result.record.data))
+        return share_outside(*replace(result.plan, split=split).parts(result.record.data))
     except InputError:  # too short for this split
         return np.inf
 
@@ -254,14 +257,10 @@ def _share_outside_split(result: Identification, split: float) -> float:
 def _nonlinear(result: Identification) -> NextStep | None:
     """A linear model of a nonlinear record."""
     linear = isinstance(result.evaluation.setting.recipe, OutputError)
-    if not linear or result.selection is not None or not _nonlinear_record(result):
+    if not linear or result.selection is not None or not nonlinear(result.advice):
         return None
     reason = "the record is nonlinear, and this model is linear"
     return _step(reason, result, structure=HammersteinWiener.name)
-
-
-def _nonlinear_record(result: Identification) -> bool:
-    return any(a.topic == "nonlinearity" and a.severity == "note" and a.action for a in result.advice)
 
 
 def _more_starts(result: Identification) -> NextStep | None:
@@ -321,6 +320,21 @@ def _offset(result: Identification) -> NextStep | None:
         is_guess = result.evaluation.fit.stop.converged and not zeros_differ(result.evaluation)
         return _step("the zero of the output may differ between the logs", result, guess=is_guess, offset="each")
     return _step("the zero of the output is held", result, guess=True, offset="free")
+
+
+def _integrator(result: Identification) -> Iterable[NextStep]:
+    """A process with an integrator, where the plant integrates as far as the record shows: one that settles only after
+    it, later than one time constant, has an end that nothing in the record determines.
+    """
+    e = result.evaluation
+    recipe = e.setting.recipe
+    if result.selection is not None or e.outputs or recipe.with_parts or not lasts(e):
+        return
+    if isinstance(recipe, ProcessModel):
+        yield from (_step(_INTEGRATES, result, guess=True, kind=other.kind) for other in recipe.integrating())
+        return
+    for other in ProcessModel().integrating():
+        yield _step(_INTEGRATES, result, guess=True, structure=other.name, kind=other.kind)
 
 
 def _no_maps(result: Identification) -> NextStep | None:

@@ -129,3 +129,9 @@ def _travel(fit: Fit) -> TravelMap | None:
 
 def _range(x: np.ndarray) -> tuple[float, float]:
     return float(x.min()), float(x.max())
+
+
+def share_outside(estimation: IOData, validation: IOData) -> float:
+    """The largest share over the signals of validation samples outside the range of the estimation data."""
+    covered, new = (np.column_stack([part.u, part.y]) for part in (estimation, validation))
+    return float(np.mean((new < covered.min(axis=0)) | (new > covered.max(axis=0)), axis=0).max())

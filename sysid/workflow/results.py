@@ -47,6 +47,11 @@ class Growing:
         """How far ahead, in words."""
         return "one step ahead" if self.horizon == 1 else f"{self.horizon} steps ahead"
 
+    @property
+    def misses(self) -> bool:
+        """Whether the prediction misses its data: noise adds up in it, but more than half of it is the model's."""
+        return not self.fit >= 50.0
+
 
 @dataclass(frozen=True)
 class OneStep:

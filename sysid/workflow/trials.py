@@ -18,7 +18,7 @@ from sysid.diagnosis.residuals import CLOSE, poor
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import BLOCKS, SECONDS, larger
-from sysid.structures import OutputError, ProcessModel
+from sysid.structures import ActuatedJoint, OutputError, ProcessModel
 from sysid.workflow.changes import AUTO, changed_setting, detrend_after
 from sysid.workflow.next_step import against_the_record
 from sysid.workflow.results import Evaluation, Identification
@@ -76,10 +76,14 @@ def tried(
     first = min(helpful, key=lambda t: t.left)
     alike = [t for t in helpful if t.like(first)]
     best = min(alike, key=lambda t: (t.evaluation.fit.criteria.d, order.index(t.step.command)))
+    # The motor that the record is of has to be compiled, or takes longer: it is said before a second best.
+    tests, motor = best.evaluation.tests, [s for s in untried if s.change.get("structure") == ActuatedJoint.name]
+    if motor and tests is not None and not tests.independent:
+        return best.step, motor[0]
     others = [t for t in helpful if t.step.why != best.step.why and t.left <= REACH * best.left]
     if others:
         return best.step, min(others, key=lambda t: t.left).step
-    return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, best.evaluation.tests) else ()))
+    return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, tests) else ()))
 
 
 def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, bool]:
@@ -89,7 +93,7 @@ def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, b
     structure = step.change.get("structure")
     if structure in (OutputError.name, ProcessModel.name):
         return 1, False
-    if not step.guess and structure is None and step.change:
+    if not step.guess and structure in (None, ActuatedJoint.name) and step.change:
         change = {name: value for name, value in step.change.items() if name != "split"}
         if _expected(result, changed_setting(result, **change)) <= 0.5 * budget:
             return 0, False

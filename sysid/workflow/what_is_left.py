@@ -172,3 +172,8 @@ def slow(left: Left, fit: Fit | NlarxFit, tests: ResidualTests | None) -> str:
     if (recipe is not None and recipe.with_parts) or fit.predicts or tests is None or tests.white or not left.many:
         return ""
     return f"the error is slow and {left.multiple}; a larger model may explain it"
+
+
+def lasts(e: Evaluation) -> bool:
+    """Whether the slowest time constant is longer than the record."""
+    return float(np.abs(e.poles).max(initial=0.0)) > np.exp(-1.0 / max(e.estimation.lengths))

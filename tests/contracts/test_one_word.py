@@ -33,7 +33,7 @@ def identified(percent, tests):
 
 def run(percent, tests):
     fit = SimpleNamespace(estimation=percent, fit=SimpleNamespace(warnings=()))
-    return saved_models_answer.word(SimpleNamespace(percent=percent, tests=tests, model=fit, next=None))
+    return saved_models_answer.word(SimpleNamespace(percent=percent, tests=tests, model=fit, next=None, growth=None))
 
 
 def compared(percent, tests):

@@ -13,7 +13,9 @@ import sysid
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
-from sysid.structures import output_error, state_space
+from sysid.structures import hammerstein, output_error, state_space
+from sysid.uncertainty.curves import curves
+from sysid.uncertainty.information import information
 
 MODEL = output_error(1, 1, 1)
 
@@ -116,3 +118,18 @@ def test_a_refined_fit_of_several_experiments_that_ends_higher_is_the_fit_itself
     np.testing.assert_array_equal(again.theta, fit.theta)
     assert any("a further search ended at a mean square error of" in text for text in again.warnings)
     assert again.record is data
+
+
+def test_a_first_experiment_at_rest_is_not_the_one_that_places_a_map():
+    """An experiment in which the input stays shows one place of a map; the search and the curves take another one."""
+    rng, rest, moves = np.random.default_rng(3), 80, 320
+    u = np.concatenate([np.full(rest, 0.5), np.repeat(rng.uniform(-2.0, 2.0, moves // 8), 8)])
+    v, y, x = np.tanh(1.5 * u), np.zeros(rest + moves), float(np.tanh(0.75))
+    for k in range(rest + moves):
+        x = 0.0 if k == rest else x
+        y[k] = x + 0.01 * rng.standard_normal()
+        x = 0.8 * x + 0.2 * v[k]
+    found = sysid.fit(hammerstein(1, 1, 1), IOData(u, y, 0.1, lengths=(rest, moves)), starts=1)
+    (curve,) = curves(information(found, IOData(u, y, 0.1, lengths=(rest, moves))))
+    truth = np.tanh(1.5 * curve.band.x)
+    assert np.corrcoef(truth, curve.band.value)[0, 1] > 0.995

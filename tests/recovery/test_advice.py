@@ -331,7 +331,7 @@ def test_a_spike_is_an_outlier_and_a_jump_is_none():
 def test_no_answer_and_direct_answer():
     rng = np.random.default_rng(14)
     u = white(rng)
-    assert "show no effect" in told(IOData(u, white(rng), 1.0))["delay"].sentence
+    assert "shows no effect" in told(IOData(u, white(rng), 1.0))["delay"].sentence
     direct = told(IOData(u, 0.7 * u + 0.1 * white(rng), 1.0))["delay"]
     assert direct.value == 0
     assert "within the sample" in direct.action

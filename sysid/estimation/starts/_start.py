@@ -37,8 +37,14 @@ class Start(ABC):
 
 
 def longest(data: IOData) -> IOData:
-    """The longest experiment of a record."""
-    return max(data.experiments, key=lambda e: e.N)
+    """The longest experiment of a record, of those in which all inputs move if there are such."""
+    return data.experiments[longest_number(data)]
+
+
+def longest_number(data: IOData) -> int:
+    """The number of the `longest` experiment, from 0."""
+    moves = [bool(np.ptp(e.u, axis=0).all()) for e in data.experiments]
+    return max(range(len(moves)), key=lambda k: (moves[k], data.lengths[k]))
 
 
 def signals_of(data: IOData) -> tuple[np.ndarray, np.ndarray]:

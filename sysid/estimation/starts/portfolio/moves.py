@@ -96,6 +96,7 @@ def _refine_curves(chain: Chain, theta: np.ndarray, record: IOData, near: bool) 
         knots = np.concatenate([_close(breakpoints) if near else curves.places(x, _FINE), breakpoints, [low, high]])
         knots = np.sort(knots[(knots >= low) & (knots <= high)])
         knots = knots[np.concatenate([[True], np.diff(knots) > 1e-3 * (high - low)])]
+        knots = knots if len(knots) > 1 else breakpoints  # of an input that does not move, which shows one place only
         return knots, block.output(part, knots)
 
     return with_lines(chain, theta, chain.signals(theta, record.u), curve)
