@@ -330,11 +330,9 @@ def _integrator(result: Identification) -> Iterable[NextStep]:
     recipe = e.setting.recipe
     if result.selection is not None or e.outputs or recipe.with_parts or not lasts(e):
         return
-    if isinstance(recipe, ProcessModel):
-        yield from (_step(_INTEGRATES, result, guess=True, kind=other.kind) for other in recipe.integrating())
-        return
-    for other in ProcessModel().integrating():
-        yield _step(_INTEGRATES, result, guess=True, structure=other.name, kind=other.kind)
+    process, other = (recipe, {}) if isinstance(recipe, ProcessModel) else (ProcessModel(), {"structure": "process"})
+    for each in process.integrating():
+        yield _step(_INTEGRATES, result, guess=True, **other, kind=each.kind)
 
 
 def _no_maps(result: Identification) -> NextStep | None:
