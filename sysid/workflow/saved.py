@@ -285,7 +285,7 @@ def _check_units(fit: AnyFit, record: Record) -> None:
 def remarks(fit: AnyFit, data: IOData, run: np.ndarray, from_rest: bool = False, counts: bool = True) -> list[str]:
     """What a reader of this free run (N, ny) should know: inputs beyond the estimation data's, runs that leave it.
 
-    `from_rest`: it is that of a record without outputs. What does not count as a run is not remarked on.
+    `from_rest`: it is that of a record without outputs. Of a run that does not count only whether it is finite.
     """
     levelled, sentences = fit.own_level(data), []
     low, high = fit.u_span
@@ -301,7 +301,7 @@ def remarks(fit: AnyFit, data: IOData, run: np.ndarray, from_rest: bool = False,
                 f"{f'{last:.4g} {q.unit}'.rstrip()}, which the estimation data cover: the model extrapolates there"
             )
     if not counts:
-        return sentences
+        return [*sentences, *filter(None, [beyond(run, fit.remedy)])]
     if isinstance(fit, Fit) or from_rest:
         sentences += _beyond_outputs(fit, data, run)
     trouble = beyond(run, fit.remedy, "the run from rest") if from_rest else fit.divergence(data)

@@ -115,4 +115,7 @@ def test_a_run_is_called_good_by_the_rule_of_identify(percent, is_independent, w
         monkeypatch.setattr(saved_models_answer, name, lambda result: "")
     model = SimpleNamespace(estimation=96.0, fit=SimpleNamespace(warnings=warnings))
     tests = SimpleNamespace(white=False, independent=is_independent)
-    assert word(SimpleNamespace(next=None, percent=percent, tests=tests, model=model)) == said
+    assert (
+        word(SimpleNamespace(next=None, judged_fit=percent, growth=None, percent=percent, tests=tests, model=model))
+        == said
+    )

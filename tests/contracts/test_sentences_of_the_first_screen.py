@@ -53,7 +53,7 @@ def test_a_list_of_outliers_ends_with_how_many_more_there_are(n, said, tmp_path,
 
 
 def test_a_search_that_did_not_converge_is_said_once(monkeypatch):
-    e = SimpleNamespace(unseen=True, notes=(), joint=None, tests=None, evaluation=None)
+    e = SimpleNamespace(unseen=True, notes=(), joint=None, tests=None, evaluation=None, judged_fit=90.0)
     step = NextStep("the search did not converge (5 starts)", "qpal identify a.csv --starts 20")
     result = SimpleNamespace(evaluation=e, next=step, advice=())
     for name, value in {"_wrong": [], "_bad": False, "_spoilt": False, "rounded": False}.items():

@@ -142,5 +142,5 @@ def test_a_search_from_another_point_takes_its_initial_state_for_the_first_exper
     context = search.SearchContext(chain, data, sysid.Objective(), "lm", sysid.Options(max_iterations=0), None)
     problem = context.problem(rng.uniform(-0.1, 0.1, (2, len(chain.names))))
     point = rng.uniform(-0.1, 0.1, len(chain.names))
-    moved = search._problem_at(chain, problem, context.trial(problem), point).theta0
+    moved = search._problem_at(chain, problem, context.trial(problem), point, 0).theta0
     np.testing.assert_array_equal(moved, [point, np.where(chain.initial, problem.theta0[1], point)])
