@@ -170,5 +170,7 @@ def _quantities(name: str | Sequence[str], unit: str | Sequence[str], n: int) ->
 
 
 def _split_text(text: str | Sequence[str], n: int) -> list[str]:
+    if n == 1 and isinstance(text, str):  # as it is: a unit may know that of its file
+        return [text]
     parts = [part.strip() for part in text.split(",")] if isinstance(text, str) else list(text)
     return parts if len(parts) == n else [text if isinstance(text, str) else ", ".join(text)] * n

@@ -9,7 +9,8 @@ from scipy.signal import lfilter
 
 from sysid.base.quantities import display_quantity
 from sysid.channels.conversion import unit_of_file
-from sysid.report.identify_answer import values
+from sysid.plots.records import channels
+from sysid.report.identify_answer import run_figure, values
 from sysid.structures import OutputError
 from sysid.workflow.identification import identify_file
 from sysid.workflow.record import read_record
@@ -57,6 +58,16 @@ def test_the_record_stays_si_and_a_copy_keeps_what_is_shown(tmp_path):
     for unit in (data.y_unit, pickle.loads(pickle.dumps(data.y_unit)), copy.deepcopy(data.y_unit)):
         q = display_quantity("place", unit)
         assert (q.unit, q.factor) == ("mm", pytest.approx(1000.0))
+
+
+def test_a_figure_is_in_the_units_of_the_table_beside_it(tmp_path):
+    result = identify_file(
+        log(tmp_path / "a.csv", "t [s],coil [mV],place [cm]"), Setting(OutputError(1, 1, 1), starts=1)
+    )
+    labels = {panel.y.label for panel in run_figure(result.evaluation).panels}
+    assert labels == {"place [cm]"}
+    y = channels(result.record.data)[1].of(result.record.data)
+    assert np.ptp(y) == pytest.approx(100.0 * np.ptp(result.record.data.y))
 
 
 def test_what_is_read_as_it_is_has_no_other_unit():
