@@ -13,6 +13,7 @@ import sysid
 from sysid.base.errors import InputError
 from sysid.data.record import IOData
 from sysid.estimation.problem import ChainProblem
+from sysid.estimation.starts._start import longest, longest_number
 from sysid.structures import hammerstein, output_error, state_space
 from sysid.uncertainty.curves import curves
 from sysid.uncertainty.information import information
@@ -133,3 +134,12 @@ def test_a_first_experiment_at_rest_is_not_the_one_that_places_a_map():
     (curve,) = curves(information(found, IOData(u, y, 0.1, lengths=(rest, moves))))
     truth = np.tanh(1.5 * curve.band.x)
     assert np.corrcoef(truth, curve.band.value)[0, 1] > 0.995
+
+
+def test_a_search_takes_the_longest_experiment_in_which_the_input_moves():
+    """A longer one at rest shows no map; where none moves, the longest of all is as good."""
+    u = np.r_[np.ones(50), np.arange(20.0) % 3.0, np.arange(10.0) % 2.0]
+    data = sysid.IOData(u, u.copy(), 1.0, lengths=(50, 20, 10))
+    assert longest_number(data) == 1
+    assert longest(data).N == 20
+    assert longest_number(sysid.IOData(np.ones(30), np.arange(30.0), 1.0, lengths=(10, 20))) == 1
