@@ -3,6 +3,7 @@
 import math
 import re
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 
@@ -21,11 +22,10 @@ class Quantity:
 
     def per(self, other: "Quantity") -> "Quantity":
         """This quantity for each unit of another one, of which both may be shown in units that are not the stored."""
-        return Quantity(self.name, ratio(self.unit, other.unit), self.factor / other.factor)
+        return Quantity(self.name, _ratio(self.unit, other.unit), self.factor / other.factor)
 
 
-def ratio(y: str, u: str) -> str:
-    """The unit of y for each unit of u, such as "degC/%"; empty where neither has one."""
+def _ratio(y: str, u: str) -> str:
     if not (y or u):
         return ""
     return f"{y or '1'}/{f'({u})' if '/' in u else u or 'unit'}"
@@ -42,6 +42,43 @@ class Unit(str):
         self = super().__new__(cls, unit)
         self.shown, self.factor = shown or unit, factor
         return self
+
+
+class Units(str):
+    """No unit that all channels of a record have, and that of each."""
+
+    each: tuple[str, ...]
+
+    def __new__(cls, unit: str = "", each: Sequence[str] = ()) -> "Units":
+        """Equal to no unit."""
+        self = super().__new__(cls, unit)
+        self.each = tuple(each)
+        return self
+
+
+def unit_of_channel(unit: str, k: int) -> str:
+    """The unit of channel k (from 0) of those whose common one is `unit`."""
+    return unit.each[k] if isinstance(unit, Units) else unit
+
+
+def ratio(y: str, u: str) -> "Unit":
+    """The unit of y for each unit of u, such as "degC/%", read in the units of both; empty where neither has one."""
+    a, b = display_quantity("", y), display_quantity("", u)
+    return Unit(_ratio(y, u), _ratio(a.unit, b.unit), a.factor / b.factor)
+
+
+def rate(y: str, below: str) -> str:
+    """The unit of y for each of `below`, such as "s/V", read in that of y."""
+    return Unit(f"{y}/{below}", f"{y.shown}/{below}", y.factor) if isinstance(y, Unit) else f"{y}/{below}"
+
+
+def of_place(y: str) -> str:
+    """The unit of what a speed in y leads to: mm of mm/s, rad of rpm; that of y where it is none of a speed."""
+    if not y.endswith("/s"):
+        return y
+    if isinstance(y, Unit) and y.shown.endswith("/s"):
+        return Unit(y.removesuffix("/s"), y.shown.removesuffix("/s"), y.factor)
+    return y.removesuffix("/s")
 
 
 SHARE = "share"  # the unit of a number that its file has in per cent: stored as a part of 1, shown as it was

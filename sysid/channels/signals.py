@@ -10,6 +10,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.base.limits import SAMPLES
+from sysid.base.quantities import Units, display_quantity
 from sysid.channels.mapping import ROLES, ChannelMap
 from sysid.channels.roles import NO_SWITCH
 from sysid.data.missing import runs
@@ -109,7 +110,7 @@ class Signals:
             np.column_stack([signal.values for signal in y]),
             self.Ts,
             *(common_text([s.name for s in u]) or "u", common_text([s.name for s in y]) or "y"),
-            *(common_text([s.unit for s in u]), common_text([s.unit for s in y])),
+            *(common_unit([s.unit for s in u]), common_unit([s.unit for s in y])),
             missing=missing if missing.any() else None,
             lengths=self.lengths,
         )
@@ -178,6 +179,12 @@ class Signals:
 def common_text(texts: list[str]) -> str:
     """The text of several channels if it is one, else nothing."""
     return texts[0] if len(set(texts)) == 1 else ""
+
+
+def common_unit(units: list[str]) -> str:
+    """The unit of several channels if it is one, else nothing, which knows that of each."""
+    shown = {(unit, display_quantity("", unit).unit) for unit in units}
+    return units[0] if len(shown) == 1 else Units("", units)
 
 
 def most_samples(stamps: int) -> int:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import InputError, unknown
+from sysid.base.quantities import display_quantity, unit_of_channel
 from sysid.data.record import IOData
 
 KINDS = ("mean", "linear", "steady")
@@ -140,7 +141,8 @@ def _sentence(data: IOData, y: np.ndarray, kind: str, breaks: tuple[int, ...]) -
 
 
 def _list(values: np.ndarray, unit: str) -> str:
-    return ", ".join(f"{v:.4g}" for v in values) + (f" {unit}" if unit else "")
+    shown = [display_quantity("", unit_of_channel(unit, k)) for k in range(len(values))]
+    return ", ".join(f"{q.factor * v:.4g} {q.unit}".rstrip() for q, v in zip(shown, values, strict=True))
 
 
 def with_offsets(data: IOData, u_offset: np.ndarray | None, y_offset: np.ndarray | None) -> IOData:

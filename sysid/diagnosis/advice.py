@@ -11,7 +11,7 @@ from scipy.special import ndtri
 
 from sysid.base.checks import checked
 from sysid.base.parallel import one_blas_thread
-from sysid.base.quantities import Quantity, display_quantity
+from sysid.base.quantities import Quantity, display_quantity, unit_of_channel
 from sysid.data.outliers import hampel, returning
 from sysid.data.record import IOData, check_magnitudes
 from sysid.diagnosis import signals
@@ -120,7 +120,8 @@ def _input(data: IOData, i: int) -> Iterator[Advice]:
 
 
 def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -> Iterator[Advice]:
-    name, y_shown = channel(data, "y", j), display_quantity("", data.y_unit)
+    name, y_unit = channel(data, "y", j), unit_of_channel(data.y_unit, j)
+    y_shown = display_quantity("", y_unit)
     unit = f" {y_shown.unit}" if y_shown.unit else ""
     y = data.y[data.observed[:, j], j]
     bend = None if white is None else nonlinearity(white)
@@ -132,8 +133,8 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
         y = data.y[data.observed[:, j] & ~odd, j]
         y = y if code is None else y[y != code]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
-        yield _rest(name, y, noise, y_shown, white if straight else None, may_be_place(data.y_unit))
-    of_speed = data.y_unit.endswith("/s") and may_be_place(data.y_unit.removesuffix("/s"))
+        yield _rest(name, y, noise, y_shown, white if straight else None, may_be_place(y_unit))
+    of_speed = y_unit.endswith("/s") and may_be_place(y_unit.removesuffix("/s"))
     if white is not None and of_speed and data.u.shape[1] == 1:
         yield from _stands(name, white, noise, straight)
     q = signals.step(y)
@@ -237,7 +238,7 @@ def _odd(data: IOData, j: int, white: Whitened | None) -> np.ndarray:
 def _none(data: IOData, role: str, k: int, mask: np.ndarray) -> Advice:
     """The finding on the samples of a channel that stand for none."""
     values, unit = (data.u, data.u_unit) if role == "u" else (data.y, data.y_unit)
-    shown = display_quantity("", unit)
+    shown = display_quantity("", unit_of_channel(unit, k))
     found = _outliers(mask, channel(data, role, k), float(values[mask, k][0]) * shown.factor, shown.unit)
     return (
         found if role == "y" else replace(found, action="write into these cells what the input was, or remove the rows")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.base.quantities import SHARE, display_quantity
+from sysid.base.quantities import SHARE, display_quantity, unit_of_channel
 from sysid.data.record import IOData
 from sysid.data.words import word_of
 from sysid.data.wraps import DEGREES, unwrapped
@@ -132,7 +132,7 @@ def word_warning(data: IOData, role: str, k: int) -> Advice | None:
 def wrap_warning(data: IOData, j: int) -> Advice | None:
     """The warning about output j if it jumps by a turn or as a counter that begins again; None if it does not."""
     name = channel(data, "y", j)
-    unit, is_integer = data.y_unit, not np.any(data.y[:, j] % 1.0)
+    unit, is_integer = unit_of_channel(data.y_unit, j), not np.any(data.y[:, j] % 1.0)
     missing = None if data.missing is None else data.missing[:, [j]]
     if missing is not None and missing.any():
         return None
@@ -182,7 +182,7 @@ def without_words(data: IOData) -> tuple[IOData, dict[tuple[str, int], np.ndarra
     for role, values, unit in (("u", data.u, data.u_unit), ("y", data.y, data.y_unit)):
         for k in range(values.shape[1]):
             x = values[:, k] if role == "u" else values[data.observed[:, k], k]
-            code = none_word(x, display_quantity("", unit).factor)
+            code = none_word(x, display_quantity("", unit_of_channel(unit, k)).factor)
             if code is None or word_warning(data, role, k) is not None:
                 continue
             places[role, k] = mask = values[:, k] == code
@@ -208,7 +208,8 @@ def constant_warning(data: IOData, role: str, k: int) -> Advice | None:
     values, unit = (data.u[:, k], data.u_unit) if role == "u" else (data.y[:, k], data.y_unit)
     if np.ptp(values) != 0.0:
         return None
-    sentence = f"{channel(data, role, k)} is {_value_in_words(float(values[0]), unit)} in all {data.N} samples"
+    level = _value_in_words(float(values[0]), unit_of_channel(unit, k))
+    sentence = f"{channel(data, role, k)} is {level} in all {data.N} samples"
     cause = (
         "it excites nothing, so the record shows no model"
         if role == "u"
@@ -236,7 +237,7 @@ def stuck_warning(data: IOData, j: int) -> Advice | None:
         return None
     start, stop = first * data.Ts, (first + n) * data.Ts
     share = 100.0 * n / data.N
-    place = _value_in_words(float(y[first]), data.y_unit)
+    place = _value_in_words(float(y[first]), unit_of_channel(data.y_unit, j))
     sentence = (
         f"{channel(data, 'y', j)} stands at {place} from {start:.4g} s to {stop:.4g} s, "
         f"{share:.0f} % of the record, while the input moves: a sensor that died, or a plant that stuck"

@@ -217,7 +217,7 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
     servo = isinstance(motor, ServoMotor)
     volts = "duty" if servo and chain.fixed.get(f"{motor.role}.limit") == 1.0 else "V"
     readings: dict[str, Reading] = {
-        "speed_per_volt": (f"{y}/s/V", speed, -np.inf),
+        "speed_per_volt": (quantities.rate(y, "s/V"), speed, -np.inf),
         "time_constant": ("s", lambda theta: of("lag")(theta) * Ts, 0.0),
         "breakaway_up": (volts, lambda theta: held(theta, 1, True), -np.inf),
         "breakaway_down": (volts, lambda theta: held(theta, -1, True), -np.inf),
@@ -234,7 +234,9 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         readings["backlash"] = (y, lambda theta: float(chain.part(theta, play)[0]), 0.0)
     if servo:
         del readings["speed_per_volt"]
-        readings = {"speed_full_drive": (f"{y}/s", lambda theta: speed(theta) * of("limit")(theta), -np.inf)} | readings
+        readings = {
+            "speed_full_drive": (quantities.rate(y, "s"), lambda theta: speed(theta) * of("limit")(theta), -np.inf)
+        } | readings
         readings["kp"] = (f"{volts}/{y}", of("kp"), 0.0)
         if f"{motor.role}.kd" in chain.names:
             readings["kd"] = (f"{volts} s/{y}", lambda theta: of("kd")(theta) * Ts, 0.0)

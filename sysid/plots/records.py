@@ -10,7 +10,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.checks import checked
-from sysid.base.quantities import Quantity, display_quantity
+from sysid.base.quantities import Quantity, Units, display_quantity, unit_of_channel
 from sysid.data.preprocess import retrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -172,5 +172,7 @@ def _quantities(name: str | Sequence[str], unit: str | Sequence[str], n: int) ->
 def _split_text(text: str | Sequence[str], n: int) -> list[str]:
     if n == 1 and isinstance(text, str):  # as it is: a unit may know that of its file
         return [text]
+    if isinstance(text, Units):
+        return [unit_of_channel(text, k) for k in range(n)]
     parts = [part.strip() for part in text.split(",")] if isinstance(text, str) else list(text)
     return parts if len(parts) == n else [text if isinstance(text, str) else ", ".join(text)] * n

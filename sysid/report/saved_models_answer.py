@@ -1,6 +1,6 @@
 """The first screen of `qpal run`: how much of a record a saved model explains, or which of several does best."""
 
-from sysid.base.quantities import capital, percent
+from sysid.base.quantities import capital, percent, unit_of_channel
 from sysid.diagnosis.residuals import CLOSE
 from sysid.diagnosis.worth import worth
 from sysid.report import saved_models_parts as parts
@@ -73,7 +73,9 @@ def constant(result: ModelRun) -> str:
     several = result.data.y.shape[1] > 1
     left = _left(result)
     name = f"output {left.output + 1}" if several else result.data.y_name
-    return "" if result.percent >= 100.0 - CLOSE else left.constant(name, result.data.y_unit)
+    return (
+        "" if result.percent >= 100.0 - CLOSE else left.constant(name, unit_of_channel(result.data.y_unit, left.output))
+    )
 
 
 def unexplained(result: ModelRun) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.base import style
-from sysid.base.quantities import Quantity, display_quantity, number, percent
+from sysid.base.quantities import Quantity, display_quantity, number, percent, unit_of_channel
 from sysid.data.record import IOData
 from sysid.diagnosis.finding import channel
 from sysid.drawing.figure import Axis, Figure, Item, Line, Panel, scaled
@@ -49,7 +49,9 @@ def _runs(result: InputRun) -> list[tuple[Quantity, np.ndarray]]:
 def input_run_figure(result: InputRun) -> Figure:
     """Each input, and each output of the run."""
     data = result.data
-    inputs = [(display_quantity(channel(data, "u", i), data.u_unit), u) for i, u in enumerate(data.u.T)]
+    inputs = [
+        (display_quantity(channel(data, "u", i), unit_of_channel(data.u_unit, i)), u) for i, u in enumerate(data.u.T)
+    ]
     signals = [Signal(quantity, u, "input", style.INPUT, steps=True) for quantity, u in inputs]
     signals += [Signal(quantity, run, "free run", style.MODEL) for quantity, run in _runs(result)]
     return stack_figure(data.t, signals)
@@ -60,7 +62,8 @@ def run_figure(result: ModelRun) -> Figure:
     parts = outputs(result.data)
     of = [f" of {e.y_name}" if len(parts) > 1 else "" for e in parts]  # one legend names the lines of all panels
     runs = [Run(e, result.output[:, j], result.percents[j], e.y_name, f"free run{of[j]}") for j, e in enumerate(parts)]
-    unit = display_quantity("difference", parts[0].y_unit)
+    units = dict.fromkeys(output(e).unit for e in parts)
+    unit = Quantity("difference", ", ".join(units))
     colours = (style.SECOND, *style.COLOURS)
     differences = [
         Line(

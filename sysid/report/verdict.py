@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.base.quantities import capital, display_quantity, number, percent, poles, probability
+from sysid.base.quantities import capital, display_quantity, number, percent, poles, probability, unit_of_channel
 from sysid.blocks import Polynomial
 from sysid.blocks._shape import Shape, is_named
 from sysid.diagnosis.residuals import UNTESTED, ResidualTests, poor
@@ -139,7 +139,7 @@ def exit_sentence(e: Evaluation) -> str:
     for k in range(run.shape[1]):
         exit = departure(e.validation.y[:, k] + e.validation.y_offset[k], run[:, k])
         if exit is not None:
-            y = display_quantity(e.validation.y_name, e.validation.y_unit)
+            y = display_quantity(e.validation.y_name, unit_of_channel(e.validation.y_unit, k))
             return f"{exit.sentence('free run', e.validation.Ts, y)} "
     return ""
 

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.base.poles import Motion, motion
+from sysid.base.quantities import unit_of_channel
 from sysid.block.block import StaticBlock
 from sysid.blocks import Channels, Predictor
 from sysid.blocks.offset import is_offset
@@ -156,7 +157,9 @@ def evaluate_fit(
         one_step=one_step,
         values=_values(chain, estimation, physics) if chain else (),
         notes=tuple(notes),
-        inputs=tuple((f"u{i}", estimation.u_unit) for i in range(1, estimation.u.shape[1] + 1)) if several else (),
+        inputs=tuple((f"u{i}", unit_of_channel(estimation.u_unit, i - 1)) for i in range(1, estimation.u.shape[1] + 1))
+        if several
+        else (),
         outputs=_outputs(chain, estimation, validation, output_fits, output_tests) if chain and several else (),
         band=band,
     )
@@ -208,7 +211,7 @@ def _outputs(
 ) -> tuple[OneOutput, ...]:
     """Every output with its fits and tests; a record names them y1, y2 until its file does."""
     rows = zip(fits.tolist(), fit.fit_percents(validation).tolist(), tests or [None] * len(fits), strict=True)
-    return tuple(OneOutput(f"y{j}", estimation.y_unit, *row) for j, row in enumerate(rows, 1))
+    return tuple(OneOutput(f"y{j}", unit_of_channel(estimation.y_unit, j - 1), *row) for j, row in enumerate(rows, 1))
 
 
 def check_parts(estimation: IOData, validation: IOData) -> None:

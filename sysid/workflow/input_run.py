@@ -10,7 +10,7 @@ from sysid.base.files import versions
 from sysid.channels.column import numeric_columns
 from sysid.channels.guess import Given, guess
 from sysid.channels.reading import read_map_of, sample
-from sysid.channels.signals import common_text
+from sysid.channels.signals import common_text, common_unit
 from sysid.data.record import IOData
 from sysid.data.table import Table
 from sysid.data.trends import restore_offsets
@@ -79,7 +79,7 @@ def record_of_inputs(fit: AnyFit, reading: Reading, table: Table | None = None) 
         np.zeros((signals.N, ny)),
         signals.Ts,
         *(common_text([signal.name for signal in u]) or "u", "y" if origin is None else origin.y_name),
-        *(common_text([signal.unit for signal in u]), "" if origin is None else origin.y_unit),
+        *(common_unit([signal.unit for signal in u]), "" if origin is None else origin.y_unit),
     )
     names = ",".join(signal.column for signal in u)
     return Record(table.path, data, names, "", signals.mapping.clock.column or None, signals)

@@ -1,7 +1,7 @@
 """Values of a model whose parameters engineers name, such as a gain or a time constant, with intervals."""
 
 from sysid.base.errors import InputError
-from sysid.base.quantities import ratio
+from sysid.base.quantities import rate, ratio
 from sysid.data.frequency import FrequencyData
 from sysid.data.record import IOData
 from sysid.estimation.result import Fit
@@ -40,5 +40,5 @@ def unit_of(unit: str, data: IOData | FrequencyData) -> str:
     if not unit.startswith("Y/U"):
         return unit
     y, u = ("" if each == "1" else each for each in (data.y_unit, data.u_unit))
-    time = unit.removeprefix("Y/U")
-    return f"{ratio(y, u) or '1'}{time}" if y or u or time else ""
+    gain, time = ratio(y, u), unit.removeprefix("Y/U/")
+    return gain if unit == "Y/U" else rate(gain or "1", time)

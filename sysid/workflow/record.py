@@ -13,6 +13,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
+from sysid.base.quantities import of_place
 from sysid.channels.guess import Given
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping, from_table, read_map_of, sample
@@ -273,7 +274,7 @@ def with_places(record: Record) -> Record:
     The place is the sum of the speed by trapezoids; missing speeds are on straight lines. One note says so.
     """
     data = record.data
-    unit = (data.y_unit or "").removesuffix("/s")
+    unit = of_place(data.y_unit or "")
     if not unit or unit == data.y_unit:
         return record
     parts = [

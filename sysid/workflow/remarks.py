@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from sysid.base.quantities import display_quantity, ratio
+from sysid.base.quantities import display_quantity, ratio, unit_of_channel
 from sysid.blocks import TravelMap
 from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
@@ -74,7 +74,8 @@ def _signals(
     name, unit, offsets = (getattr(estimation, f"{role}_{attribute}") for attribute in ("name", "unit", "offset"))
     covered, new = getattr(estimation, role), getattr(validation, role)
     for k, offset in enumerate(offsets):
-        yield name if len(offsets) == 1 else f"{role}{k + 1}", unit, covered[:, k], new[:, k], float(offset)
+        several = len(offsets) > 1
+        yield f"{role}{k + 1}" if several else name, unit_of_channel(unit, k), covered[:, k], new[:, k], float(offset)
 
 
 def ends_met(fit: Fit, estimation: IOData) -> tuple[bool, bool]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.quantities import display_quantity, percent
+from sysid.base.quantities import display_quantity, percent, unit_of_channel
 from sysid.base.rates import drift_note, same_rate
 from sysid.channels.column import label
 from sysid.channels.mapping import Range
@@ -351,4 +351,5 @@ def one_output(data: IOData, j: int) -> IOData:
     """The record with output j alone, for a figure."""
     missing = None if data.missing is None else data.missing[:, j]
     name = data.y_name if data.y.shape[1] == 1 else f"{data.y_name or 'y'} {j + 1}"
-    return replace(data, y=data.y[:, j], missing=missing, y_name=name, y_offset=data.y_offset[j])
+    unit = unit_of_channel(data.y_unit, j)
+    return replace(data, y=data.y[:, j], missing=missing, y_name=name, y_unit=unit, y_offset=data.y_offset[j])

@@ -2,16 +2,22 @@
 
 import copy
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid.base.quantities import display_quantity
+import sysid
+from sysid import IOData
+from sysid.base.quantities import Quantity, Unit, display_quantity, of_place, unit_of_channel
 from sysid.channels.conversion import unit_of_file
+from sysid.data.trends import Trend
+from sysid.joint.values import displayed_value, joint_values
 from sysid.plots.records import channels
 from sysid.report.identify_answer import run_figure, values
-from sysid.structures import OutputError
+from sysid.solver.iterate import Options
+from sysid.structures import OutputError, ProcessModel
 from sysid.workflow.identification import identify_file
 from sysid.workflow.record import read_record
 from sysid.workflow.setting import Setting
@@ -87,3 +93,75 @@ def test_a_saved_model_and_info_show_the_unit_too(tmp_path, monkeypatch, capsys)
     (row,) = [line.split() for line in capsys.readouterr().out.splitlines() if line.split()[:1] == ["place"]]
     assert row[-1] == "mm"
     assert float(row[-2]) == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("u", "y", "unit"),
+    [("pump [l/min]", "level [mm]", "mm/(l/min)"), ("coil [mV]", "place [cm]", "cm/mV"), ("v [%]", "w [rpm]", "rpm/%")],
+)
+def test_the_gain_of_a_process_is_in_the_units_of_the_file(tmp_path, u: str, y: str, unit: str):
+    result = identify_file(log(tmp_path / "a.csv", f"t [s],{u},{y}"), Setting(ProcessModel("P1"), starts=1), u, y)
+    row = values(result.evaluation).rows[0]
+    assert (row[0], row[-1]) == ("gain", unit)
+    assert float(row[1]) == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_rate_of_an_integrator_is_in_the_units_of_the_file(tmp_path):
+    """It rises by 3 mm each second for each mV."""
+    path, u = tmp_path / "a.csv", np.repeat(np.random.default_rng(3).choice([-1.0, 1.0], 40), 10)
+    table = np.column_stack([np.arange(400.0), u, np.cumsum(np.concatenate([[0.0], 3.0 * u[:-1]]))])
+    np.savetxt(path, table, delimiter=",", header="t [s],coil [mV],place [mm]", comments="", fmt="%.6f")
+    result = identify_file(path, Setting(ProcessModel("P0I"), starts=1), "coil [mV]", "place [mm]")
+    row = values(result.evaluation).rows[0]
+    assert (row[0], row[-1]) == ("gain", "mm/mV/s")
+    assert float(row[1]) == pytest.approx(3.0, rel=0.01)
+
+
+def test_the_values_of_a_joint_are_in_the_unit_of_the_file():
+    """The same record whose places are read in mm has the same speed and the same end, times a thousand."""
+    rng = np.random.default_rng(4)
+    u = np.repeat(rng.uniform(-6.0, 6.0, 30), 10)
+    y = np.clip(np.cumsum(0.02 * u), -1.0, 1.0) + 0.01 * rng.normal(size=300)
+    data = IOData(u, y, 0.1, u_unit="V", y_unit="m")
+    fit = sysid.fit(sysid.structures.actuated_joint(knots=4), data, starts=1, options=Options(max_iterations=2))
+    in_m, in_mm = (joint_values(fit, data=replace(data, y_unit=unit)) for unit in ("m", Unit("m", "mm", 1e3)))
+    pairs = {a.name: (displayed_value(a), displayed_value(b)) for a, b in zip(in_m, in_mm, strict=True)}
+    assert pairs["speed_per_volt"][1].unit == "mm/s/V"
+    for name in ("speed_per_volt", "end_low", "end_high", "backlash"):
+        si, shown = pairs[name]
+        assert (si.unit, shown.unit) == (si.unit, si.unit.replace("m", "mm"))
+        assert shown.value == pytest.approx(1e3 * si.value)
+
+
+def test_the_place_of_a_speed_is_read_in_the_unit_of_the_file():
+    assert display_quantity("", of_place(Unit("m/s", "mm/s", 1e3))) == Quantity("", "mm", 1e3)
+    assert of_place(Unit("rad/s", "rpm", 60.0 / 2.0 / np.pi)) == "rad"
+    assert display_quantity("", of_place(Unit("rad/s", "rpm", 9.5))).unit == "deg"
+    assert display_quantity("", of_place(Unit("m", "mm", 1e3))).unit == "mm"
+
+
+def test_a_level_that_was_removed_is_told_in_the_unit_of_the_file(tmp_path):
+    data = read_record(log(tmp_path / "a.csv", "t [s],coil [mV],place [mm]"), "coil [mV]", "place [mm]").data
+    said = Trend.of(data, "mean").sentence
+    assert said == f"means removed: {1e3 * data.y.mean():.4g} mm of the output"
+
+
+def test_each_of_several_channels_is_in_its_own_unit(tmp_path):
+    """Two outputs whose units differ: notes, findings, tables and axes name that of each."""
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.uniform(-1.0, 1.0, (60, 2)), 10, axis=0) * np.linspace(0.5, 1.0, 600)[:, None]
+    lags = [lfilter([0.0, 0.2], [1.0, -0.8], u @ gains) for gains in (np.array([3.0, 1.0]), np.array([-20.0, 50.0]))]
+    table = np.column_stack([np.arange(600), 1e3 * u[:, 0], u[:, 1], lags[0], np.round(lags[1] / 4) * 4])
+    header = "t [s],coil [mV],pump [V],place [mm],flow [rpm]"
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="", fmt="%.6f")
+    setting = Setting(OutputError(1, 1, 1), starts=1)
+    result = identify_file(tmp_path / "a.csv", setting, "coil [mV],pump [V]", "place [mm],flow [rpm]", detrend="mean")
+    low, high = 1e3 * u[:300, 0].min(), 1e3 * u[:300, 0].max()
+    assert any(note.startswith(f"coil was seen from {low:.4g} to {high:.4g} mV") for note in result.evaluation.notes)
+    assert any("moves in steps of 4 rpm" in a.sentence for a in result.advice)
+    assert [c.quantity.unit for c in channels(result.record.data)] == ["mV", "V", "mm", "rpm"]
+    assert [row[-1] for row in values(result.evaluation).rows] == ["mm", "rpm"]
+    assert Trend.of(result.record.data, "mean").sentence.endswith("rpm of the output")
+    data = result.record.data
+    for each in (data, pickle.loads(pickle.dumps(data)), IOData.merge(data, data), data.select(0, 50)):
+        assert (each.y_unit, unit_of_channel(each.y_unit, 1), each.y_unit.each[0].shown) == ("", "rad/s", "mm")
