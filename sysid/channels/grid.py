@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.channels.complaints import brief
 from sysid.channels.jitter import sampled_at_stamps
 from sysid.channels.mapping import Channel, ChannelMap
 from sysid.channels.signals import most_samples
@@ -28,7 +27,6 @@ SPARSE = 100.0  # middle steps: a longer one is a gap however often there is one
 MOST = 2.0**40  # steps in a gap: a longer one is refused alike, and sums of these are whole numbers
 RELIABLE = 0.45  # of a step by which stamps may be off a grid before their sample numbers are uncertain
 TRACKING = 0.1  # of a stamp's deviation, by which the clock follows it: the mean of some ten
-MOST_PIECES = 4  # that a message lists
 
 
 @dataclass(frozen=True)
@@ -206,7 +204,7 @@ def check_gaps(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid) ->
 
 
 def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, gap: int, reason: str) -> InputError:
-    """The error for a gap, with the pieces between the long gaps as times to give."""
+    """The error for a gap, with one remedy: the longest piece between long gaps, or to fill where gaps are short."""
     clock, repair, lengths = mapping.clock, mapping.repair, grid.gaps[:, 1]
     if clock.Ts is not None and clock.Ts < grid.median / LONG:
         least = grid.median / (repair.longest_gap + 1)
@@ -219,18 +217,20 @@ def _gap_error(table: Table, mapping: ChannelMap, stamps: Stamps, grid: Grid, ga
     tolerance = f" (within {repair.jitter:.0%})" if grid.index is not None else ""
     ends = grid.gaps[lengths > min(repair.longest_gap, int(lengths.max()) - 1), 0]
     starts, stops = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(stamps.t) - 1]])
-    longest = sorted(np.argsort(stops - starts)[::-1][:MOST_PIECES])
-    pieces = [f"{stamps.t[starts[j]]:.10g}:{stamps.t[stops[j]]:.10g}" for j in longest if stops[j] > starts[j]]
-    long = lengths.max() > repair.longest_gap and not clock.period
-    parts = f', or for experiments, set experiment = "{brief(clock.column)}" under [range] of a mapping' if long else ""
-    can_fill = most_samples(len(stamps.t)) >= grid.N
+    j = int(np.argmax(stops - starts))
+    remedy = (
+        f"keep the longest piece, {stops[j] - starts[j] + 1} of {len(stamps.t)} rows, with "
+        f"--range {stamps.t[starts[j]]:.10g}:{stamps.t[stops[j]]:.10g}"
+    )
+    # A short gap is worth filling; across a long one a straight line is no output, and spoils what is beside it.
+    is_short = lengths.max() <= repair.longest_gap or stops[j] == starts[j]
+    if is_short and most_samples(len(stamps.t)) >= grid.N:
+        remedy = "set longest_gap and most_lost in [repair] of a mapping"
     return table.error(
         clock.column,
         int(stamps.rows[k + 1]),
         f"found a step of {step:.4g} s where most are {grid.median:.4g} s{tolerance}"
-        f"{note_on_change_of_clocks(table, clock, step, grid.median)}; {reason}: cut it and keep one piece with "
-        f"--range {' or '.join(pieces)}{parts}"
-        f"{', or set longest_gap and most_lost in [repair] of a mapping' if can_fill else ''}",
+        f"{note_on_change_of_clocks(table, clock, step, grid.median)}, and {reason}; {remedy}",
     )
 
 

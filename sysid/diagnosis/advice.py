@@ -133,8 +133,8 @@ def _output(data: IOData, j: int, white: Whitened | None, jumps: bool = False) -
         y = data.y[data.observed[:, j] & ~odd, j]
         y = y if code is None else y[y != code]
     if not jumps:  # what wraps is near both ends of its turn, and rests at none
-        yield _rest(name, y, noise, y_shown, white if straight else None, may_be_place(y_unit))
-    of_speed = y_unit.endswith("/s") and may_be_place(y_unit.removesuffix("/s"))
+        yield _rest(name, y, noise, y_shown, white if straight else None, may_be_place(y_unit, name))
+    of_speed = y_unit.endswith("/s") and may_be_place(y_unit.removesuffix("/s"), name)
     if white is not None and of_speed and data.u.shape[1] == 1:
         yield from _stands(name, white, noise, straight)
     q = signals.step(y)
@@ -210,7 +210,7 @@ def _rest(name: str, y: np.ndarray, noise: float, as_shown: Quantity, linear: Wh
         )
     if not place:
         return Advice("rest", f"{sentence}: a saturation", largest_share, *_SATURATES)
-    return Advice("rest", f"{sentence}: an end stop or a saturation", largest_share, *_END_STOPS)
+    return Advice("rest", f"{sentence}: {signals.AT_STOPS}", largest_share, *_END_STOPS)
 
 
 def _at_stops(advice: Advice) -> Advice:

@@ -1,6 +1,7 @@
 """Single signals: excitation, levels, rests, converter step; jumps as they were logged; signals that do not move."""
 
 import math
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,8 @@ from sysid.diagnosis.finding import Advice, channel
 
 _PERSISTENCE_SAMPLES = 20_000  # samples used for the order of excitation
 WRAPS = "wraps"
+AT_STOPS = "an end stop or a saturation"
+_PLACES = ("angle", "angles", "pos", "position", "positions", "theta", "winkel", "stroke", "travel", "opening")
 COUNTER_BITS = (8, 16, 24, 32)  # bits of counters, which begin again at 0
 ENCODER_COUNTS = (1000.0, 1024.0, 2000.0, 2048.0, 3600.0, 4000.0, 4096.0, 8192.0, 16384.0)  # counts of a turn
 NO_VALUE = "as a number that stands for none"
@@ -255,6 +258,10 @@ def _value_in_words(value: float, unit: str) -> str:
     return f"{value * q.factor:.4g} {q.unit}".rstrip()
 
 
-def may_be_place(unit: str) -> bool:
-    """Whether an output of this unit may be a place, which end stops bound: an angle, a length, or an unknown one."""
-    return unit in ("", "1", SHARE, "counts", "rad", "m", *DEGREES)
+def may_be_place(unit: str, name: str) -> bool:
+    """Whether an output may be a place, which end stops bound: an angle, a length, or a number without a unit.
+
+    Another unit is none of a place, and per cent only where the name says of what: a valve's position, no level.
+    """
+    of_place = any(word in _PLACES for word in re.split(r"[\W\d_]+", name.lower()))
+    return unit in ("", "1", "counts", "rad", "m", *DEGREES) or (unit == SHARE and of_place)

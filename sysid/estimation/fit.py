@@ -124,6 +124,7 @@ def fit_chain(
             model, normal, result = named_maps(model, data, normal, result, context)
         model, normal, result = past_inputs(model, data, normal, result, context)
     fit = _result(model, data, normal, result)
+    fit = replace(fit, warnings=without_agreement(result, starts) + fit.warnings)
     fit = replace(fit, search=search, seconds=time.perf_counter() - began, prior=objective.prior)
     departs = warn_of_divergence(model, data, fit.criteria.mse, lambda: fit.runs(data), fit.n_init)
     turned = turned_signal(model, data, fit.criteria.mse)
@@ -191,7 +192,6 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
         history=outcome.history,
         warnings=(
             *_warnings(model, theta, covariance, outcome),
-            *_warn_without_agreement(result),
             *(worse_than_constant(data, mse) or missing_offset(problem, outcome.p)),
         ),
         losses=tuple(c * normal.size**2 / N for c in result.costs),
@@ -218,14 +218,13 @@ def _noise(model: Chain, thetas: np.ndarray, data: IOData) -> tuple[tuple[float,
     return tuple(autoregression(v, data.lengths, float(s)) for v, s in zip(errors.T, sizes, strict=True))
 
 
-def _warn_without_agreement(result: SearchResult) -> tuple[str, ...]:
-    """A warning where the portfolio ended without agreement."""
-    if not result.members or len(result.members) < ENOUGH or result.agreed >= ENOUGH:
+def without_agreement(result: SearchResult, starts: int | str) -> tuple[str, ...]:
+    """A warning where the portfolio ended without agreement: of `starts` that were asked, those that differ go on."""
+    n = len(result.members)
+    if n < ENOUGH or result.agreed >= ENOUGH:
         return ()
-    return (
-        f"only one of {len(result.members)} starts came to this loss: a better optimum may exist; give more starts, "
-        f"for example starts={4 * len(result.members)}",
-    )
+    asked = f"of {starts} starts {n} were searched to the end" if starts != AUTO else f"{n} starts were searched"
+    return (f"{asked}, and only one came to this loss, so a better optimum may exist; try another seed or more starts",)
 
 
 def _n_init(model: Chain, data: IOData) -> int:

@@ -153,8 +153,9 @@ def _caption(result: Identification) -> str:
 def values(e: Evaluation) -> Grid:
     """What people want of a model, with intervals: of a joint its values, of a linear block gain and time constants."""
     rows = [*_physical(e), *([] if e.values else [*gain_rows(e), *_lasting(e)]), *_errors(e)]
-    interval = f"95 % interval{', too narrow' if verdict.too_narrow(e) else ''}"
-    return Grid(("", "value", interval, "unit"), rows, last_text=True)
+    if verdict.too_narrow(e):
+        rows = [(name, value, f"wider than {i}" if " to " in i else i, unit) for name, value, i, unit in rows]
+    return Grid(("", "value", "95 % interval", "unit"), rows, last_text=True)
 
 
 def _physical(e: Evaluation) -> list[tuple[str, ...]]:

@@ -14,7 +14,7 @@ from sysid.base.poles import Motion
 from sysid.data.wraps import DEGREES
 from sysid.diagnosis.relation import without_effect
 from sysid.diagnosis.residuals import CLOSE, POOR, poor
-from sysid.diagnosis.signals import NO_VALUE, WRAPS, may_be_place
+from sysid.diagnosis.signals import AT_STOPS, NO_VALUE, WRAPS
 from sysid.model.recipes import Recipe
 from sysid.structures import (
     ActuatedJoint,
@@ -36,6 +36,7 @@ from sysid.workflow.steps import NextStep
 from sysid.workflow.what_is_left import lasts, unexplained, zeros_differ
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
+AS_WELL = "does as well"
 _INTEGRATES = "the plant integrates over all of this record"
 SPLITS = (0.6, 0.7, 0.8)
 
@@ -157,9 +158,8 @@ def _no_joint(result: Identification) -> NextStep | None:
 def _ends(result: Identification) -> NextStep | None:
     """The record rests at its ends and the model has no end stops; a structure search has tried a model with them."""
     recipe = result.evaluation.setting.recipe
-    rests = next((a.sentence for a in result.advice if a.topic == "rest" and a.severity != "fine"), "")
-    is_place = may_be_place(result.evaluation.estimation.y_unit)
-    if not rests or not is_place or result.selection is not None or isinstance(recipe, ActuatedJoint):
+    rests = next((a.sentence for a in result.advice if a.topic == "rest" and AT_STOPS in a.sentence), "")
+    if not rests or result.selection is not None or isinstance(recipe, ActuatedJoint):
         return None
     if result.plan.preparation.filter[0] is not None:  # its volts and angles would not count from zero
         return None
@@ -342,7 +342,7 @@ def _no_maps(result: Identification) -> NextStep | None:
     if result.selection is not None or not (is_block or isinstance(recipe, NonlinearStateSpace)):
         return None
     orders = recipe.orders if is_block else {}
-    return _step("a linear model does as well", result, guess=True, structure=OutputError.name, **orders)
+    return _step(f"a linear model {AS_WELL}", result, guess=True, structure=OutputError.name, **orders)
 
 
 def _process(result: Identification) -> Iterable[NextStep]:
@@ -354,7 +354,7 @@ def _process(result: Identification) -> Iterable[NextStep]:
         return
     zeros: list[dict[str, Any]] = [{}, {"offset": "each"}] if len(result.record.data.experiments) > 1 else [{}]
     for kind, zero in product(("P1D", "P2D"), zeros):
-        yield _step("a process does as well", result, guess=True, structure=ProcessModel.name, kind=kind, **zero)
+        yield _step(f"a process {AS_WELL}", result, guess=True, structure=ProcessModel.name, kind=kind, **zero)
 
 
 def _sizes(result: Identification) -> Iterable[NextStep]:

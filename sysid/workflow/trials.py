@@ -20,7 +20,7 @@ from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import BLOCKS, SECONDS, larger
 from sysid.structures import ActuatedJoint, OutputError, ProcessModel
 from sysid.workflow.changes import AUTO, changed_setting, detrend_after
-from sysid.workflow.next_step import against_the_record
+from sysid.workflow.next_step import AS_WELL, against_the_record
 from sysid.workflow.results import Evaluation, Identification
 from sysid.workflow.setting import Setting
 from sysid.workflow.steps import Gain, NextStep
@@ -56,10 +56,9 @@ def tried(
 ) -> tuple[NextStep, ...]:
     """At most two of the steps: those that help, the best first; else those that have evidence and were not tried.
 
-    `seconds` is the budget for all of them; None for as long as the fit took, and at least `LEAST`, in which nothing
-    is compiled. 0 tries nothing.
+    `seconds` is the budget for all of them; None for that of `_usual`, in which nothing is compiled. 0 tries nothing.
     """
-    budget = max(LEAST, result.evaluation.fit.seconds) if seconds is None else seconds
+    budget = _usual(result, steps) if seconds is None else seconds
     end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
     for step in sorted(steps, key=lambda step: _turn(result, step, budget)):
         remaining = end - time.monotonic()
@@ -86,6 +85,22 @@ def tried(
     return (best.step, *(untried[:1] if poor(best.evaluation.judged_fit, tests) else ()))
 
 
+def _usual(result: Identification, steps: Sequence[NextStep]) -> float:
+    """Seconds for all trials: as long as the fit took, at least `LEAST`, and twice what a step takes to which the
+    record points, unless it takes longer than a fit: it comes first, and is not only said.
+    """
+    took = result.evaluation.fit.seconds
+    due = [_due(result, step) for step in steps]
+    return max(LEAST, took, *(2.0 * each for each in due if each <= max(took, _WITH_PARTS)))
+
+
+def _due(result: Identification, step: NextStep) -> float:
+    """How long [s] a step takes to which the record points, in the same structure or as a joint; inf for others."""
+    if step.guess or not step.change or step.change.get("structure") not in (None, ActuatedJoint.name):
+        return np.inf
+    return _expected(result, changed_setting(result, **{k: v for k, v in step.change.items() if k != "split"}))
+
+
 def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, bool]:
     """What has evidence and leaves half of the budget comes first, then a linear model, which costs little; then other
     evidence, and other guesses.
@@ -93,10 +108,8 @@ def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, b
     structure = step.change.get("structure")
     if structure in (OutputError.name, ProcessModel.name):
         return 1, False
-    if not step.guess and structure in (None, ActuatedJoint.name) and step.change:
-        change = {name: value for name, value in step.change.items() if name != "split"}
-        if _expected(result, changed_setting(result, **change)) <= 0.5 * budget:
-            return 0, False
+    if _due(result, step) <= 0.5 * budget:
+        return 0, False
     return 2 + step.guess, structure is not None
 
 
@@ -135,7 +148,9 @@ def _try(
     left = (
         base * (100.0 - gain.fit) / max(100.0 - gain.instead, 1e-9) if np.isfinite(gain.instead) else 100.0 - gain.fit
     )
-    return _Trial(replace(step, gain=replace(gain, after=e.fit.seconds if is_cut else None)), e, left)
+    why = step.why.replace(AS_WELL, "predicts better") if gain.fit >= gain.instead + CLOSE else step.why
+    gain = replace(gain, after=e.fit.seconds if is_cut else None)
+    return _Trial(replace(step, why=why, gain=gain), e, left)
 
 
 def _expected(result: Identification, setting: Setting) -> float:

@@ -422,8 +422,9 @@ def test_in_chromium_a_phone_scrolls_tables_and_never_the_page(browser, folder):
 
 @pytest.mark.nightly
 def test_in_chromium_the_values_of_the_first_screen_fit_a_phone_with_their_units(browser, tmp_path):
-    rows = [("moving friction down, with load", "−0.599", "−0.628 to −0.569", "V"), ("gain", "4", "3 to 5", "duty/rad")]
-    values = Grid(("", "value", "95 % interval, too narrow", "unit"), rows, last_text=True)
+    friction = ("moving friction down, with load", "−0.599", "wider than −0.628 to −0.569", "V")
+    rows = [friction, ("gain", "4", "3 to 5", "duty/rad")]
+    values = Grid(("", "value", "95 % interval", "unit"), rows, last_text=True)
     page.write(tmp_path, Page("t", "s", ["v"], answer=Answer("1 %", "of", "good", "s", values=values)), {})
     opened(browser, tmp_path, 390)
     assert browser.execute_script("return document.querySelector('.scroll').scrollWidth") <= 390 - 32

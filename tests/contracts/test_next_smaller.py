@@ -15,7 +15,7 @@ from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import proposals
 from sysid.workflow.results import Identification
 from sysid.workflow.setting import Setting
-from sysid.workflow.steps import Gain
+from sysid.workflow.steps import Gain, NextStep
 from sysid.workflow.trials import tried
 from twin.cli import main
 
@@ -174,3 +174,36 @@ def test_logs_of_several_zeros_are_tried_with_a_zero_of_each():
 )
 def test_a_gain_says_what_a_step_is_better_by(gain, words):
     assert gain.in_words() == words
+
+
+def test_what_the_record_points_to_is_tried_first_however_short_the_fit_was():
+    """A zero of each log takes what the fit took, and came behind linear models, when no time was left."""
+    result = fitted(Hammerstein(1, 1, 1), *days())
+    own = [step for step in proposals(result) if step.change == {"offset": "each"}]
+    taken = []
+
+    def attempt(setting: Setting, *_):
+        taken.append((setting.recipe.name, setting.seconds))
+        raise InputError("not this one")
+
+    slow = replace(result, evaluation=replace(result.evaluation, fit=replace(result.evaluation.fit, seconds=7.0)))
+    tried(slow, [*(s for s in proposals(slow) if s not in own), *own], attempt)
+    assert taken[0][0] == "hammerstein"
+    assert taken[0][1] == pytest.approx(14.0, abs=0.5)
+    many = NextStep("the search had few starting points", "qpal", {"starts": 20})
+    joint = NextStep("the output goes on while a voltage acts", "qpal", {"structure": "actuated_joint"})
+    for steps, budget in (([many], 7.0), ([joint], 10.0), ([replace(joint, guess=True)], 7.0), ([], 7.0)):
+        assert trials._usual(slow, steps) == budget
+
+
+def test_a_linear_model_that_predicts_more_is_said_to_predict_better():
+    path = first_order()
+    result = fitted(Hammerstein(1, 1, 1), path)
+    e = fitted(OutputError(1, 1, 6), path).evaluation
+    (step,) = [s for s in proposals(result) if s.change.get("structure") == OutputError.name]
+    same, worse = (
+        replace(result, evaluation=replace(result.evaluation, validation_fit=fit)) for fit in (e.validation_fit, 20.0)
+    )
+    for of, words in ((same, "a linear model does as well"), (worse, "a linear model predicts better")):
+        assert step.why == "a linear model does as well"
+        assert [s.why for s in tried(of, [step], lambda *_, e=e: e, 100.0)] == [words]

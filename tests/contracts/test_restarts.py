@@ -97,9 +97,9 @@ def test_runs_behind_long_pauses_are_experiments(given, tmp_path):
     check_two(read_record(tmp_path / "a.csv", **given), u, y)
 
 
-def test_a_shorter_pause_is_refused_with_the_entry_that_parts_there(tmp_path):
+def test_a_shorter_pause_is_refused_with_the_longest_piece(tmp_path):
     u, y = two(tmp_path / "a.csv", T, 7.0 + LATER)
-    with pytest.raises(InputError, match=r'set experiment = "t_s" under \[range\]'):
+    with pytest.raises(InputError, match=r"; keep the longest piece, 100 of 180 rows, with --range 0:4.95$"):
         read_record(tmp_path / "a.csv")
     (tmp_path / "m.toml").write_text('[range]\nexperiment = "t_s"\n')
     check_two(read_record(tmp_path / "a.csv", mapping=tmp_path / "m.toml"), u, y)

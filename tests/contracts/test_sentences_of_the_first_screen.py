@@ -64,3 +64,47 @@ def test_a_search_that_did_not_converge_is_said_once(monkeypatch):
     assert identify_answer.sentence(result) == f"{capital(left)}."
     monkeypatch.setattr(identify_answer, "systematic", lambda e: "the error is slow")
     assert identify_answer.sentence(result) == "The error is slow; the search did not converge (5 starts)."
+
+
+def test_a_gap_has_one_next_step_which_is_read(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = np.delete(np.column_stack([np.arange(len(U)), U, Y]), np.r_[200:240, 500:540], axis=0)
+    said = first_lines("gaps.csv", rows, capsys)
+    (step,) = [line for line in said if line.startswith("Next")]
+    assert step == "Next: keep the longest piece, 260 of 520 rows, with --range 240:499"
+    assert said[1].endswith("where most are 1 s (within 1%), and at most 3 in a row are filled.")
+    assert main(["info", "gaps.csv", "--range", "240:499", "--out", "kept"]) == 0
+    assert capsys.readouterr().out.startswith("260 samples")
+
+
+def test_an_interval_that_is_too_narrow_is_said_where_it_stands(monkeypatch):
+    """In the cell of each interval, and of no other cell; the title stays what it is."""
+    e = SimpleNamespace(values=[1])
+    rows = [("gain", "2", "1 to 3", "mm/V"), ("delay", "–", "not determined", "s"), ("kp", "4", "fixed", "")]
+    monkeypatch.setattr(identify_answer, "_physical", lambda _: rows)
+    monkeypatch.setattr(identify_answer, "_errors", lambda _: [("error", "0.1", "–", "mm")])
+    shown = {}
+    for narrow in ("Too narrow: so", ""):
+        monkeypatch.setattr(identify_answer.verdict, "too_narrow", lambda _, narrow=narrow: narrow)
+        grid = identify_answer.values(e)
+        assert grid.headings == ("", "value", "95 % interval", "unit")
+        shown[bool(narrow)] = [row[2] for row in grid.rows]
+    assert shown[False] == ["1 to 3", "not determined", "fixed", "–"]
+    assert shown[True] == ["wider than 1 to 3", "not determined", "fixed", "–"]
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "stops"),
+    [
+        ("angle", "rad", True), ("level", "m", True), ("y", "", True), ("valve_position", "share", True),
+        ("level", "share", False), ("flow", "m^3/s", False), ("flow", "l/min", False), ("p", "bar", False),
+        ("temp", "degC", False), ("p", "kPa", False), ("angle", "furlong", False),
+    ],
+)  # fmt: skip
+def test_only_what_may_be_a_place_has_end_stops(name, unit, stops):
+    """The same record, which is cut off at both sides, in other units."""
+    y = np.clip(np.cumsum(np.repeat(np.random.default_rng(2).uniform(-1.0, 1.0, 60), 10)), -3.0, 3.0)
+    u = np.gradient(y) + 0.3 * np.repeat(np.random.default_rng(3).normal(size=60), 10)
+    (found,) = [a for a in advise(IOData(u, y, 0.1, y_name=name, y_unit=unit)) if a.topic == "rest"]
+    assert found.severity != "fine"
+    assert ("end stop" in found.sentence, "actuated_joint" in found.command) == (stops, stops)

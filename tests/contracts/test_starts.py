@@ -1,11 +1,16 @@
 """Automatic starts: which one a chain gets, and what every starting point keeps to."""
 
+from types import SimpleNamespace
+from typing import cast
+
 import numpy as np
 import pytest
 
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor, TransferFunction, dynamic
 from sysid.data.record import IOData
+from sysid.estimation.fit import without_agreement
+from sysid.estimation.search import SearchResult
 from sysid.estimation.starts import TABLE, starts
 from sysid.model.chain import Chain
 from sysid.structures import (
@@ -80,3 +85,16 @@ def test_a_chain_of_no_known_kind_asks_for_a_start_of_its_own():
     for chain in (several, Chain((LimitedIntegrator(),))):
         with pytest.raises(InputError, match="no automatic start; give fit"):
             starts(chain, record(), 1, 0)
+
+
+def test_a_search_without_agreement_speaks_of_the_starts_that_were_given():
+    """Of 20 starts the five that differ were searched to the end: "one of 5 starts" would be another search."""
+
+    def said(starts: int | str, searched: int = 5, agreed: int = 1) -> tuple[str, ...]:
+        return without_agreement(
+            cast(SearchResult, SimpleNamespace(members=("drawn",) * searched, agreed=agreed)), starts
+        )
+
+    assert said(20)[0].startswith("of 20 starts 5 were searched to the end, and only one came to this loss")
+    assert said("auto")[0].startswith("5 starts were searched, and only one")
+    assert said(20, agreed=2) == said(1, searched=1) == ()
