@@ -12,6 +12,10 @@ _END = (
     "place of the drive at its end stop, in the unit of the output; a joint with backlash rests half of it inside "
     "where the drive pushes it there, and up to half of it beyond where it coasts on"
 )
+_EFFECTIVE = (
+    "effective number of parameters: with initial states, without those that change nothing in the model's behaviour; "
+    "a map that is held smooth counts less than its points, so d may be smaller than the list of parameters is long"
+)
 TERMS = {
     # fits and criteria
     "fit": "100 % is exact, 0 % is as good as the constant mean of the output, below 0 % is worse than that constant",
@@ -19,8 +23,8 @@ TERMS = {
     "were not used in the fit",
     "fit, free run, estimation data": "the same on the data of the fit, where a model that is too large looks too good",
     "criterion": "a number that judges the model",
-    "d": "number of free parameters, without those that change nothing in the model's behaviour",
-    "free parameters d / samples n": "a record should have many samples for each free parameter",
+    "d": _EFFECTIVE,
+    "effective number of parameters d / samples n": f"{_EFFECTIVE}; a record should have many samples for each",
     "rms": "square root of the mean squared error",
     "ceiling": "the fit of the true parameters on the same noisy data, which no model can exceed by more than chance",
     "closed form": "poles computed by hand from the motor's equations, to check the simulated ones",

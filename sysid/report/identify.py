@@ -112,7 +112,7 @@ def ranking_grid(result: Identification) -> Grid:
     total = sum(row.round > 0 for row in result.selection.rows)
     caption = (
         f"The best {min(RANKED, total)} of {total} candidates that were tried, the chosen one and the best of every "
-        "structure: fit on unseen parts of the estimation data"
+        "structure: fit on unseen parts of the estimation data, d of the fit to the other parts"
     )
     return Grid(("", "structure", "maps", "fit", "d", ""), rows, caption, text_columns=3, last_text=True)
 
@@ -136,9 +136,10 @@ def _search(result: Identification) -> list[Section]:
         return []
     method = (
         "Every candidate was fitted to one part of the estimation data and simulated in free run on the other part, "
-        "and vice versa; the parts are interleaved blocks where halves would not show the same levels; d is the number "
-        "of free parameters. Candidates marked equal do not differ significantly from the best (paired t-test at 95 "
-        "%); the smallest of them is chosen. The validation data were not used. The search took "
+        "and vice versa; the parts are interleaved blocks where halves would not show the same levels; d is the "
+        "effective number of parameters there, and the last fit, to all estimation data, may adapt more. Candidates "
+        "marked equal do not differ significantly from the best (paired t-test at 95 %); the smallest of them is "
+        "chosen. The validation data were not used. The search took "
         f"{result.selection.seconds:.0f} s."
     )
     notes = [sections.sentence(note) for note in result.selection.notes]

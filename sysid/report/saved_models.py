@@ -10,7 +10,7 @@ from sysid.plots.free_runs import Run, free_runs_figure
 from sysid.plots.residual_tests import residuals_figure
 from sysid.report.page import Page, Picture, Section
 from sysid.report.saved_models_answer import of_models, of_run
-from sysid.report.saved_models_parts import SHOWN, models_tables, prediction_figure
+from sysid.report.saved_models_parts import SHOWN, judged_output, models_tables, prediction_figure
 from sysid.report.verdict import left_in_words
 from sysid.workflow.input_run import InputRun
 from sysid.workflow.model_run import ModelRun, Models, comparable
@@ -105,8 +105,16 @@ def models_page(result: Models) -> Page:
         "A free run uses only the input and the first outputs, which give its initial state and are not scored. Where "
         "all models leave the measurement together, they lack the same thing."
     )
-    single_caption = "The same runs one by one. Look for the stretches where a model leaves the measurement."
-    runs = [Run(one_output(r.data, 0), r.output[:, 0], r.percents[0], "", r.model.name) for r in result.runs[:SHOWN]]
+    if result.best.growth is not None:
+        method = (
+            "No free run follows this record: it adds up every error where the plant does not settle. So all models "
+            f"are judged by their {result.best.judged}, from the outputs measured before."
+        )
+    single_caption = "The same one by one. Look for the stretches where a model leaves the measurement."
+    runs = []
+    for r in result.runs[:SHOWN]:
+        y, percents = judged_output(r)
+        runs.append(Run(one_output(r.data, 0), y[:, 0], percents[0], "", r.model.name))
     return Page(
         f"{len(result.runs)} models on {result.record.path.name}",
         f"{result.record.data.N} samples, Ts {result.record.data.Ts:g} s",
@@ -126,15 +134,16 @@ def models_page(result: Models) -> Page:
 def models_sentences(result: Models) -> list[str]:
     """Which model is best, whether a smaller one does as well, and what to know of each."""
     best, smaller = result.best, result.smaller
-    lines = [f"{best.model.name} follows the record best: {percent(best.percent)} in free run."]
-    if not best.percent > 0.0:
+    judged = f"in {best.judged}" if best.growth is None else f"in {best.judged}, as no free run follows it"
+    lines = [f"{best.model.name} follows the record best: {percent(best.judged_fit)} {judged}."]
+    if not best.judged_fit > 0.0:
         lines = [
             f"No model follows the record: none is better than the mean of the output; the least bad is "
-            f"{best.model.name} with {percent(best.percent)} in free run."
+            f"{best.model.name} with {percent(best.judged_fit)} {judged}."
         ]
     if smaller is not None:
         lines.append(
-            f"{smaller.model.name} is within {CLOSE:g} points of it ({percent(smaller.percent)}) with "
+            f"{smaller.model.name} is within {CLOSE:g} points of it ({percent(smaller.judged_fit)}) with "
             f"{smaller.model.fit.criteria.d} parameters in place of {best.model.fit.criteria.d}: prefer it."
         )
     if not comparable(result):

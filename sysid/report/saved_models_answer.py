@@ -105,11 +105,11 @@ def of_models(result: Models) -> Answer:
     figure = short(parts.overlay_figure(result), len(best.percents))
     (table,) = parts.models_tables(result)
     return Answer(
-        percent(best.percent),
-        f"of the record explained by {best.model.name}, the best of {len(result.runs)} models",
+        percent(best.judged_fit),
+        f"of the record explained by the {best.judged} of {best.model.name}, the best of {len(result.runs)} models",
         word(best),
         says,
-        Picture.of("overlay", figure, "Measured output and the free runs of the models, best first."),
-        values=table.only("", "model", "structure", "orders", "d", "this record"),
+        Picture.of("overlay", figure, f"Measured output and the {best.judged} of each model, best first."),
+        values=table.only("", "model", "structure", "orders", "d", parts.this_record(result)),
         next=_next(best),
     )

@@ -105,14 +105,14 @@ def models_tables(result: Models) -> list[Grid]:
         fit, was = run.model.fit, run.model.estimation
         rows.append(
             (
-                "best" if run is result.best and run.percent > 0.0 else "",
+                "best" if run is result.best and run.judged_fit > 0.0 else "",
                 run.model.name,
                 fit.model.structure.replace("_", " "),
                 ",".join(map(str, run.model.as_dict()["orders"].values())) or "–",
                 str(fit.criteria.d),
                 f"{fit.Ts:g}",
                 "–" if was is None else percent(was),
-                percent(run.percent),
+                percent(run.judged_fit),
                 number(fit.criteria.fpe),
                 number(fit.criteria.aic),
                 criteria_of(run),
@@ -126,23 +126,39 @@ def models_tables(result: Models) -> list[Grid]:
         "d",
         "Ts [s]",
         "estimation",
-        "this record",
+        this_record(result),
         "FPE",
         "AIC",
         "criteria of",
     )
-    caption = "Fit of the free run; d is the number of free parameters; FPE and AIC are those of the estimation data"
+    caption = (
+        f"Fit of the {result.best.judged} on this record; d is the effective number of parameters; FPE and AIC are "
+        "those of the estimation data"
+    )
     return [Grid(heads, rows, caption, text_columns=4, last_text=True)]
 
 
+def this_record(result: Models) -> str:
+    """The heading of the fits to this record: of predictions where no free run follows it."""
+    return "this record" if result.best.growth is None else f"this record, {result.best.judged}"
+
+
+def judged_output(run: ModelRun) -> tuple[np.ndarray, tuple[float, ...]]:
+    """What a model is judged by (N, ny), a free run or a prediction, with its fits [%]."""
+    if run.growth is None or run.ahead is None:
+        return run.output, run.percents
+    return run.ahead.output, run.ahead.percents
+
+
 def overlay_figure(result: Models) -> Figure:
-    """Measured output and all free runs, one panel for each output."""
+    """Measured output and what all models are judged by, one panel for each output."""
     panels = list[Panel]()
     for j, e in enumerate(outputs(result.best.data)):
         y = output(e)
         items: list[Item] = [Line(e.t, scaled(e.y[:, 0], y.factor), MEASURED, style.INK, 1.8)]
         for run, colour in zip(result.runs[:SHOWN], style.COLOURS, strict=False):
-            name = f"{run.model.name}, fit {percent(run.percents[j])}"
-            items.append(Line(run.data.t, scaled(run.output[:, j], y.factor), name, colour, 1.0))
+            shown, percents = judged_output(run)
+            name = f"{run.model.name}, fit {percent(percents[j])}"
+            items.append(Line(run.data.t, scaled(shown[:, j], y.factor), name, colour, 1.0))
         panels.append(Panel(items, Axis.of(y), Axis.time(), weight=1.8))
     return Figure(panels, height=0.8 + 3.0 * len(panels))

@@ -171,7 +171,7 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
         ("fit, free run, estimation data", percent(evaluation.estimation_fit), "the same on the estimation data"),
         *(
             (f"the same of {o.name}, validation data", percent(o.validation_fit), "of one output")
-            for o in evaluation.outputs
+            for o in evaluation.outputs[: len(evaluation.outputs) * (len(evaluation.outputs) > 1)]
         ),
         *_one_step_rows(evaluation),
         (f"loss V, mean squared error{unit}", number(c.loss), "what the search minimised"),
@@ -179,7 +179,7 @@ def criteria_grid(evaluation: Evaluation) -> Grid:
             (f"{entry.label}{unit if entry.squared else ''}", number(entry.formula(c)), entry.meaning)
             for entry in CRITERIA.values()
         ),
-        ("free parameters d / samples N", f"{c.d} / {c.N}", "d without gauge freedoms, with initial states"),
+        ("effective number of parameters d / samples N", f"{c.d} / {c.N}", "what the fit adapts to the record"),
     ]
     *others, last = (entry.label for entry in CRITERIA.values())
     caption = f"{', '.join(others)} and {last} use one-step-ahead errors" if one_step(evaluation) else ""

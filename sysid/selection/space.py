@@ -3,6 +3,8 @@
 import itertools
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.data.record import IOData
@@ -101,12 +103,12 @@ class Space:
         return [*c.neighbours(), *maps]
 
 
-def _cost(c: Recipe) -> tuple[bool, int]:
-    """What grows with the time of a fit: searches for parts, and the number of parameters; an NLARX model has none
-    before its regressors are chosen.
+def _cost(c: Recipe) -> tuple[bool, float]:
+    """What grows with the time of a fit: searches for parts, and the number of parameters; that of an NLARX model is
+    known only when its regressors and units are chosen, which takes longer than a fit of any map.
     """
     model = c.model()
-    return c.with_parts, int(model.free.sum()) if isinstance(model, Chain) else 0
+    return c.with_parts, float(model.free.sum()) if isinstance(model, Chain) else np.inf
 
 
 def _around_orders(kind: type[Recipe]) -> bool:

@@ -21,6 +21,8 @@ from sysid.workflow.results import Growing
 from sysid.workflow.saved import AnyFit, Reading, Saved, data_for, fell, load_models, remarks, unfit
 from sysid.workflow.steps import NextStep
 
+HALF = 50.0  # [%] of fit, from which a free run follows a record
+
 SAME = 1.0  # [%] between the fit of a free run and that of the same run from estimated initial states
 
 
@@ -135,7 +137,9 @@ def on_record(
     horizon: int | None = None,
     compared: bool = False,
 ) -> ModelRun:
-    """Free run and prediction on `data`, which `data_for` gave; models that are compared are judged by free runs."""
+    """Free run and prediction on `data`, which `data_for` gave; models that are `compared` are judged by free runs, or
+    by their predictions `horizon` ahead.
+    """
     from sysid.workflow.evaluation import growth
 
     fit = saved.fit
@@ -145,16 +149,19 @@ def on_record(
     counts = scored(data, n)
     y = fit.simulate(data).reshape(data.y.shape)
     percents = _percents(data, y, counts)
-    tests, sentences = None, [*notes, *remarks(fit, data, y, counts=growing is None)]
+    by_run = growing is None and not (compared and horizon is not None)
+    tests, sentences = None, [*notes, *remarks(fit, data, y, counts=by_run)]
     try:
         tests = _tests(fit, data)
     except InputError as error:
         sentences.append(f"{UNTESTED}{error}")
-    fall = None if growing is not None else fell(saved.estimation, float(np.mean(percents)))
+    fall = None if not by_run else fell(saved.estimation, float(np.mean(percents)))
     sentences += [fall] if fall else []
     prediction = None if horizon is None else _predict_ahead(saved, data, counts, horizon)
     if prediction is not None and (gone := beyond(prediction.output, fit.remedy, f"the prediction {horizon} ahead")):
         sentences.append(gone)
+    if compared and prediction is not None:
+        growing = Growing(prediction.horizon, float(np.mean(prediction.percents)))
     result = ModelRun(
         saved, record, data, y, percents, _rmse(data, y, counts), n, prediction, tests, tuple(sentences), growth=growing
     )
@@ -273,7 +280,9 @@ def _is_its_own(result: ModelRun) -> bool:
 
 @dataclass(frozen=True)
 class Models:
-    """Runs of several models on one record, from the best free run to the worst."""
+    """Runs of several models on one record, from the best to the worst: by free runs, or all by predictions as far
+    ahead where the plant does not settle, so that no free run follows it.
+    """
 
     record: Record
     runs: tuple[ModelRun, ...]
@@ -281,13 +290,13 @@ class Models:
 
     @property
     def best(self) -> ModelRun:
-        """The model with the best free run."""
+        """The model that explains most."""
         return self.runs[0]
 
     @property
     def smaller(self) -> ModelRun | None:
         """The smallest model that is as good as the best one, within CLOSE points; None if that is the best one."""
-        close_runs = [run for run in self.runs if run.percent >= self.best.percent - CLOSE]
+        close_runs = [run for run in self.runs if run.judged_fit >= self.best.judged_fit - CLOSE]
         least = min(close_runs, key=lambda run: run.model.fit.criteria.d)
         return None if least.model.fit.criteria.d >= self.best.model.fit.criteria.d else least
 
@@ -302,6 +311,7 @@ class Models:
                     **run.model.as_dict(),
                     "fit_percent": run.percent,
                     "outputs": list(run.percents),
+                    "judged": run.judged_fit,
                     "criteria": run.model.fit.criteria.as_dict(),
                     "criteria_of": criteria_of(run),
                     "notes": list(run.notes),
@@ -323,17 +333,39 @@ def run_models(paths: list[str], reading: Reading) -> Models:
     named, table = reading.named_by([model.fit for model in saved])
     record = named.record(table)
     del table  # a long record has no room beside it
-    runs, common = [], tuple(record.notes)
-    for model in saved:
-        try:
-            data, notes = data_for(model.fit, record, reading)
-            runs.append(on_record(model, record, data, notes, reading, compared=True))
-        except InputError as error:
-            raise InputError(f"{model.path}: {error}") from None
-    runs.sort(key=lambda run: (-run.percent, run.model.fit.criteria.d))
+    common = tuple(record.notes)
+
+    def on_all(horizon: int | None) -> list[ModelRun]:
+        runs = []
+        for model in saved:
+            try:
+                data, notes = data_for(model.fit, record, reading)
+                runs.append(on_record(model, record, data, notes, reading, horizon, compared=True))
+            except InputError as error:
+                raise InputError(f"{model.path}: {error}") from None
+        return runs
+
+    runs = on_all(None)
+    horizon = _common_horizon(runs)
+    runs = runs if horizon is None else on_all(horizon)
+    runs.sort(key=lambda run: (-run.judged_fit, run.model.fit.criteria.d))
     for run in runs:
         common = tuple(note for note in common if note in run.notes)
     return Models(record, tuple(runs), common)
+
+
+def _common_horizon(runs: list[ModelRun]) -> int | None:
+    """Samples ahead by which models of a plant that does not settle are compared: as far as each of those with an
+    estimator may be judged. None where a free run explains half of the record, or no model is of such a plant.
+    """
+    from sysid.workflow.evaluation import growth
+
+    if any(run.percent >= HALF for run in runs):
+        return None
+    known = [
+        growth(run.model.fit, run.data) for run in runs if isinstance(run.model.fit, Fit) and run.model.fit.predicts
+    ]
+    return min((found.horizon for found in known if found is not None), default=None)
 
 
 def criteria_of(run: ModelRun) -> str:

@@ -74,3 +74,13 @@ def test_an_old_verb_is_told_what_it_is_called_now(capsys):
 def _solid(text: str) -> str:
     """Without white space and frames: lines may break anywhere."""
     return re.sub(r"[\s│]", "", text)
+
+
+def test_the_first_lines_are_for_a_newcomer(capsys):
+    """What most never need is found with the benchmark, and still works."""
+    assert main(["--help"]) == 0
+    assert "--certificate" not in capsys.readouterr().out
+    assert main(["--certificate"]) == 0
+    assert "QPAL" in capsys.readouterr().out
+    assert main(["identify", "--help"]) == 0
+    assert not re.search(r"\b(Limit|Progress|Budget):", capsys.readouterr().out)

@@ -10,6 +10,10 @@ from sysid.base.quantities import capital
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
 from sysid.report import identify_answer
+from sysid.report.sections import criteria_grid
+from sysid.structures import Hammerstein, OutputError
+from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting
 from sysid.workflow.steps import NextStep
 from twin.cli import main
 
@@ -108,3 +112,22 @@ def test_only_what_may_be_a_place_has_end_stops(name, unit, stops):
     (found,) = [a for a in advise(IOData(u, y, 0.1, y_name=name, y_unit=unit)) if a.topic == "rest"]
     assert found.severity != "fine"
     assert ("end stop" in found.sentence, "actuated_joint" in found.command) == (stops, stops)
+
+
+def test_the_number_of_parameters_is_called_what_it_is_and_one_output_has_one_fit(tmp_path):
+    """A smooth map of 25 points counts less than its points, which "free parameters" would not say."""
+    rng = np.random.default_rng(8)
+    u, w = (np.repeat(rng.uniform(-1.0, 1.0, 60), 10) for _ in "uw")
+    y = lfilter([0.0, 0.2], [1.0, -0.8], np.tanh(2.0 * u)) + 0.02 * rng.normal(size=600)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([u, w, y, y + w]), delimiter=",", header="u,w,y,z", comments="")
+    one = identify_file(tmp_path / "a.csv", Setting(Hammerstein(1, 1, 1), starts=1), "u", "y", 1.0).evaluation
+    rows = {row[0]: row[1] for row in criteria_grid(one).rows}
+    d, listed = one.fit.criteria.d, sum(parameter.free for parameter in one.fit.parameters)
+    assert d < listed
+    assert rows["effective number of parameters d / samples N"] == f"{d} / 300"
+    for outputs, names in (("y", []), ("y,z", ["y", "z"])):
+        several = identify_file(tmp_path / "a.csv", Setting(OutputError(1, 1, 1), starts=1), "u,w", outputs, 1.0)
+        labels = [row[0] for row in criteria_grid(several.evaluation).rows]
+        assert [label for label in labels if "the same of" in label] == [
+            f"the same of {n}, validation data" for n in names
+        ]

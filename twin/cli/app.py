@@ -64,10 +64,12 @@ def qpal_options(
     ] = False,
     certificate: Annotated[
         bool,
-        typer.Option("--certificate", help="print the certificate and end", callback=_certificate, is_eager=True),
+        typer.Option(
+            "--certificate", help="print the certificate and end", hidden=True, callback=_certificate, is_eager=True
+        ),
     ] = False,
 ) -> None:
-    """Digital twin of a robot leg, and system identification that is checked against it."""
+    """Models of dynamic systems from logs, with intervals; and the digital twin of a leg that they are checked on."""
 
 
 class _Verb(Verb):

@@ -102,7 +102,7 @@ def identify(
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
 
-    Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
+    A fit takes seconds, and each search is shown; --structure auto ends after 110 s, or after --seconds.
     """
     response = _frequency_data(files, ts, is_record=ts is not None and input is not None and output is not None)
     if response is not None:

@@ -18,7 +18,7 @@ HEAD = (
     ("record", "the record that it was fitted to, or several; behind commas those that judge it"),
     ("estimation [%]", "fit of the free run on the estimation data"),
     ("validation [%]", "fit of the free run on the validation data: 100 % is perfect, 0 % is the mean"),
-    ("d", "number of free parameters"),
+    ("d", "effective number of parameters"),
     ("time [s]", "of the fit, reading included"),
     ("", ""),
 )
