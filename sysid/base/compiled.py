@@ -1,13 +1,17 @@
 """The one way to compiled loops: numba, with its cache on disk where there is one that can be trusted.
 
 A cache saves seconds and never decides anything. Without a folder for it the loop is compiled in each process; a file
-of it that is cut, changed or of another version is compiled anew and written again.
+of it that is cut, changed or of another version is compiled anew and written again. A loop that another process is
+compiling is awaited, where the system has locks.
 """
 
 import hashlib
 import pickle
+import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from threading import get_ident
 from typing import Any, ClassVar
 
@@ -15,6 +19,11 @@ from numba import njit
 from numba.core import caching, event, sigutils
 from numba.core.ccallback import CFunc
 
+from sysid.base.errors import InputError
+from sysid.base.locks import Lock, take_lock
+
+PATIENCE = 60.0  # [s] for another process, which may be stopped; the longest loop compiles in 10 s
+_GLANCES = 0.02  # [s] between two looks whether it is done
 _DIGEST = 32  # bytes
 
 
@@ -51,8 +60,18 @@ class _Files(caching.IndexDataCacheFile):
         return overloads if (version, stamp) == (self._version, self._source_stamp) else None
 
 
+class _BusyError(Exception):
+    """Another process is compiling the loop."""
+
+
+def _busy(holder: str) -> str:
+    raise _BusyError(holder)
+
+
 class _Cache(caching.FunctionCache):
     """Numba's cache of a function, which never ends the program."""
+
+    waits: ClassVar[bool] = True  # for another process that is compiling the same loop; else it is left to that one
 
     def __init__(self, function: Callable) -> None:
         super().__init__(function)
@@ -61,16 +80,60 @@ class _Cache(caching.FunctionCache):
             filename_base=f"{self._impl.filename_base}.whole",  # numba's own files have no checksum
             source_stamp=self._impl.locator.get_source_stamp(),
         )
+        self._lock: Lock | None = None
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
+        found = self._load(sig, target_context)
+        if found is None and self._lock is None and not refuses():
+            self._lock = self._taken()
+            found = self._load(sig, target_context)  # another process may have written it meanwhile
+            if found is not None:
+                self.release()
+        return found
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        with suppress(Exception):  # a full disk, a folder that has gone
+            super().save_overload(sig, data)
+        self.release()
+
+    def release(self) -> None:
+        """Another process may compile the loop."""
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            lock.close()
+
+    def _load(self, sig: Any, target_context: Any) -> Any:
         try:
             return super().load_overload(sig, target_context)
         except Exception:  # each layer below pickle fails in its own way; to compile is always right
             return None
 
-    def save_overload(self, sig: Any, data: Any) -> None:
-        with suppress(Exception):  # a full disk, a folder that has gone
-            super().save_overload(sig, data)
+    def _taken(self) -> Lock | None:
+        """The lock of who compiles the loop; None where there is none, or another process has it for too long."""
+        path, end = Path(f"{self._cache_file._index_path}.lock"), time.monotonic() + PATIENCE
+        _compilations.running += 1
+        try:
+            while time.monotonic() < end:
+                with suppress(_BusyError):
+                    return take_lock(path, _busy)
+                if not self.waits:
+                    raise CompilationRefusedError("another process is compiling the loop")
+                time.sleep(_GLANCES)
+        except (InputError, OSError):  # a lock that cannot be made or opened
+            pass
+        finally:
+            _compilations.running -= 1
+        return None
+
+
+def leave_to_others() -> None:
+    """From now on a loop that another process is compiling is refused by a `CompilationRefusedError`, not awaited."""
+    _Cache.waits = False
+
+
+def is_kept(made: Any) -> bool:
+    """Whether a kernel has a place on the disk."""
+    return isinstance(getattr(made, "_cache", None), _Cache)
 
 
 def _with_cache(made: Any, function: Callable) -> Any:
@@ -81,7 +144,7 @@ def _with_cache(made: Any, function: Callable) -> Any:
 
 
 class CompilationRefusedError(Exception):
-    """A loop that is on no disk yet was to be compiled where there is no time for that."""
+    """A loop that is on no disk yet was to be compiled where there is no time for that, or another process does it."""
 
 
 class _Compilations(event.Listener):
@@ -99,6 +162,8 @@ class _Compilations(event.Listener):
 
     def on_end(self, event: Any) -> None:
         self.running -= 1
+        if sys.exc_info()[0] is not None and is_kept(event.data["dispatcher"]):  # nothing will be saved
+            event.data["dispatcher"]._cache.release()
 
 
 _compilations = _Compilations()
@@ -117,6 +182,11 @@ def refusing_compilation() -> Iterator[list[str]]:
         yield refused
     finally:
         del _Compilations.refusing[get_ident()]
+
+
+def refuses() -> bool:
+    """Whether this thread refuses what would be compiled."""
+    return get_ident() in _Compilations.refusing
 
 
 def compiles() -> bool:

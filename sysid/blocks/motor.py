@@ -145,7 +145,7 @@ class Motor(Recursion):
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
         **ABSENT,
     }
-    rare: ClassVar = ("periodic", *(f"has_{part}" for part in TABLE))
+    rare: ClassVar = tuple(f"has_{part}" for part in TABLE)
 
     load: int = 1
     loss: bool = False

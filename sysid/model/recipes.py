@@ -97,6 +97,10 @@ class Recipe(ABC):
         """The model to fit to a record: `model()` with what the settings leave to its units and its sampling time."""
         return self.model()
 
+    def blocks_to_compile(self) -> tuple[Block, ...]:
+        """Blocks that a fit surely runs, those that compile longest first."""
+        return tuple(getattr(self.model(), "blocks", ()))
+
     def scaled(self, y: float) -> "Recipe":
         """The same where settings are in a unit of the output that is `y` times the record's, as a file's degrees are.
 

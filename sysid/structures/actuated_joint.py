@@ -14,6 +14,7 @@ from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
 from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
+from sysid.structures.hammerstein_wiener import HammersteinWiener
 
 
 @checked
@@ -145,6 +146,11 @@ class ActuatedJoint(Recipe):
             driver_step=self.driver_step,
             bounds={"motor.load1": (0.0, math.inf)} if self.load == "spring" else None,
         )
+
+    def blocks_to_compile(self) -> tuple[Block, ...]:
+        """With the backlash that is tried, and the general model beside which a joint is judged."""
+        blocks = sorted(super().blocks_to_compile(), key=lambda block: block.role != "motor")
+        return (*blocks, CoastingPlay(), *HammersteinWiener().blocks_to_compile())
 
     def model_of(self, data: IOData) -> Chain:
         """With 360 for a turn of a periodic load where the record is in degrees."""

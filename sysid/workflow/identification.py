@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from sysid.base.errors import InputError
+from sysid.block.ahead import compile_ahead
 from sysid.channels.mapping import Range
 from sysid.channels.reading import Mapping
 from sysid.data.preparation import Preparation
@@ -60,6 +61,8 @@ def identify_file(
     output is a parameter of the structures. A saved start keeps its own zero. `trials` is the budget [s] in which the
     next steps are tried, see `sysid.workflow.trials.tried`. Every InputError names the file.
     """
+    if isinstance(setting, Setting):
+        compile_ahead(setting.recipe.blocks_to_compile())
     detrend = detrend or preparation.detrend
     detrend = setting.recipe.detrend(detrend) if isinstance(setting, Setting) else detrend or "none"
     _check_plan(setting, preparation, detrend, split, bool(validation))

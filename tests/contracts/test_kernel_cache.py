@@ -4,16 +4,22 @@ import os
 import re
 import subprocess
 import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numba import njit, types
 from numba.core import caching
+from numba.core.errors import TypingError
 
 import sysid
 import twin
-from sysid.base.compiled import callback, kernel
+from sysid.base import compiled
+from sysid.base.compiled import callback, compiles, kernel
+from sysid.base.locks import take_lock
 
 X = np.random.default_rng(0).standard_normal(200)
 FILTER = (
@@ -29,6 +35,14 @@ def smoothed(x):
     for v in x:
         s = 0.9 * s + np.sin(v) / 3.0
     return s
+
+
+def wait_for(true: Callable[[], bool]) -> bool:
+    """Whether it becomes true within a while."""
+    end = time.monotonic() + 30.0
+    while not true() and time.monotonic() < end:
+        time.sleep(0.005)
+    return true()
 
 
 def outcome(made) -> tuple[float, int]:
@@ -107,6 +121,69 @@ def test_a_callback_is_kept_and_made_again(tmp_path, monkeypatch):
     again = callback(types.float64(types.float64))(half)
     assert again.cache_hits == 0
     assert again.ctypes(3.0) == made[1].ctypes(3.0) == 1.5
+
+
+@pytest.fixture
+def lock(tmp_path, monkeypatch):
+    """The lock of `smoothed`, as of a process that compiles it; what that one has written lies in the folder `done`."""
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "cache"))
+    outcome(kernel(smoothed))
+    (folder,) = (tmp_path / "cache").iterdir()
+    assert not list(folder.glob("*.lock"))
+    folder.rename(tmp_path / "done")
+    folder.mkdir()
+    name = next((tmp_path / "done").glob("*.nbi")).name
+    held = take_lock(folder / f"{name}.lock", lambda holder: "")
+    yield held
+    held.close()
+
+
+def test_a_loop_that_another_process_compiles_is_awaited(lock, tmp_path):
+    made = kernel(smoothed)
+    with ThreadPoolExecutor() as pool:
+        waiting = pool.submit(outcome, made)
+        assert wait_for(compiles)
+        for path in (tmp_path / "done").iterdir():
+            path.rename(next((tmp_path / "cache").iterdir()) / path.name)
+        assert not waiting.done()
+        lock.close()
+        assert waiting.result(30.0) == (njit(smoothed)(X), 1)
+    assert not compiles()
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_process_that_is_stopped_is_not_awaited_for_ever(lock, monkeypatch):
+    monkeypatch.setattr(compiled, "PATIENCE", 0.1)
+    assert outcome(kernel(smoothed)) == (njit(smoothed)(X), 0)
+
+
+def test_a_loop_that_another_process_compiles_is_left_to_it_where_that_is_asked_for(lock, monkeypatch):
+    monkeypatch.setattr(compiled._Cache, "waits", True)
+    compiled.leave_to_others()
+    made = kernel(smoothed)
+    with pytest.raises(compiled.CompilationRefusedError):
+        made(X)
+    lock.close()
+    assert outcome(made) == (njit(smoothed)(X), 0)
+
+
+def test_where_nothing_may_be_compiled_nobody_waits(lock, monkeypatch):
+    made = kernel(smoothed)
+    monkeypatch.setattr(compiled.time, "sleep", lambda seconds: pytest.fail("it waits"))
+    with compiled.refusing_compilation() as refused, pytest.raises(compiled.CompilationRefusedError):
+        made(X)
+    assert len(refused) == 1
+
+
+def test_a_loop_that_cannot_be_compiled_leaves_its_lock(tmp_path, monkeypatch):
+    monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path))
+
+    def odd(x):
+        return x + "a"
+
+    with pytest.raises(TypingError):
+        kernel(odd)(X)
+    assert not list(tmp_path.rglob("*.lock"))
 
 
 def test_every_loop_with_a_cache_is_compiled_in_one_way():

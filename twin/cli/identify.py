@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -104,6 +105,8 @@ def identify(
 
     A fit takes seconds, and each search is shown; --structure auto ends after 110 s, or after --seconds.
     """
+    if structure != AUTO and start is None:
+        _compile_ahead(structure or recipes.DEFAULT, settings)
     response = _frequency_data(files, ts, is_record=ts is not None and input is not None and output is not None)
     if response is not None:
         of_records = (
@@ -174,6 +177,14 @@ def identify(
         write(scratch, page, result.as_dict())
     tables, sentences = report.terminal_tables(result), report.terminal_sentences(result)
     console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)
+
+
+def _compile_ahead(structure: str, settings: dict[str, Any]) -> None:
+    """What the structure needs is compiled while the rest of the program is loaded, a second and more of a core."""
+    from sysid.block.ahead import compile_ahead
+
+    with suppress(InputError):  # said where the setting is made
+        compile_ahead(recipes.recipe(structure, settings).blocks_to_compile())
 
 
 def _frequency_data(files: Sequence[str], ts: float | None, is_record: bool) -> "FrequencyData | None":
