@@ -182,9 +182,10 @@ class Block(ABC):
         """A finer map with one more place on each side, its theta with the same curve, and its mean slope there."""
         return None
 
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot (k,), divided by the map's mean slope, and the derivative (k, p).
 
+        Without `tangent` a block may leave the derivative at zero, which most trials of a search do not need.
         It must not depend on the gauge. Each kink counts as one sample in the cost of a fit, see
         `Objective.curvature_weight`.
         """

@@ -112,21 +112,24 @@ class PiecewiseLinear(Written, StaticBlock):
         knots = np.array(self.at) if self.at else np.linspace(lo, hi if hi > lo else lo + 1.0, self.n)
         return np.concatenate([knots, knots]) if self.free_knots else knots
 
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """(s_{i+1} - s_i) / S at the inner knots, s_i the slopes and S the mean of their sizes."""
         x, y = self._points(theta)
-        n, width = self.n, np.diff(x)
-        if not np.all(width):
+        n, width = self.n, x[1:] - x[:-1]
+        if not width.all():
             raise no_width(self, theta)
-        s = np.diff(y) / width
+        s = (y[1:] - y[:-1]) / width
+        S = float(np.mean(np.abs(s)))
+        if n < 3 or S == 0.0:
+            return super().kinks(theta)
+        kink = (s[1:] - s[:-1]) / S
+        if not tangent:
+            return kink, np.zeros((n - 2, len(theta)))
         rows = np.arange(n - 1)
         ds = np.zeros((n - 1, 2 * n))
         ds[rows, rows], ds[rows, rows + 1] = s / width, -s / width
         ds[rows, n + rows], ds[rows, n + rows + 1] = -1.0 / width, 1.0 / width
-        S = float(np.mean(np.abs(s)))
-        if n < 3 or S == 0.0:
-            return super().kinks(theta)
-        kink, dS = np.diff(s) / S, np.sign(s) @ ds / (n - 1)
+        dS = np.sign(s) @ ds / (n - 1)
         d = (np.diff(ds, axis=0) - np.outer(kink, dS)) / S
         return kink, d if self.free_knots else d[:, n:]
 

@@ -246,7 +246,7 @@ class ProfiledMotor(Recursion):
             return theta
         return np.concatenate([theta[:3], rise - less, fall - less, theta[3 + 2 * self.knots :]])
 
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope of both profiles at each inner knot, in units of their mean friction over one segment."""
         D, knots = np.vstack([*self.bends(len(theta))]), self.knots
         bend = D @ theta

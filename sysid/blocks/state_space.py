@@ -267,7 +267,7 @@ class StateSpace(Block):
         A = theta[self.places["A"]].reshape(self.nx, self.nx)
         return float(np.abs(np.linalg.eigvals(A)).max()) if np.all(np.isfinite(A)) else np.inf
 
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """The weights of the network by their spread before a record is seen: a ridge on normalised signals.
 
         A fit weighs each as one error of the noise's size, so that this is the prior of a Gaussian weight.

@@ -122,7 +122,7 @@ class TravelMap(Written, StaticBlock):
                 break
         return np.concatenate([theta[:2], blend[1:-1]])
 
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Change of slope at each inner knot, divided by the mean slope."""
         n = self.knots - 2
         d = np.zeros((n, len(theta)))

@@ -68,6 +68,11 @@ class ChainProblem:
         return np.concatenate([first, self.theta0[1:, self.experiment_states].ravel()])
 
     @cached_property
+    def _reach(self) -> np.ndarray:
+        """What the first n of p move: the free columns of the basis."""
+        return self.chain.basis[:, self.moving]
+
+    @cached_property
     def size(self) -> float:
         """y'y."""
         return float(sum(np.sum(r.y**2) for r in self.records))
@@ -75,7 +80,7 @@ class ChainProblem:
     def thetas(self, p: np.ndarray) -> np.ndarray:
         """All parameters (K, P) at p."""
         way, n, m = np.zeros(self.theta0.shape), int(self.moving.sum()), int(self.experiment_states.sum())
-        way += self.chain.basis[:, self.moving] @ p[:n]
+        way += self._reach @ p[:n]
         for k in range(1, len(self.records)):
             way[k, self.experiment_states] = p[n + (k - 1) * m : n + k * m]
         thetas = self.theta0 + way
@@ -111,7 +116,7 @@ class ChainProblem:
         if self.prior is not None:
             parts.append(self.prior.errors(thetas[0]))
         if self.curvature_weight:
-            parts.append(-self.curvature_weight * self.chain.kinks(thetas[0])[0])
+            parts.append(-self.curvature_weight * self.chain.kinks(thetas[0], tangent=False)[0])
         return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
     def linearise(self, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -315,13 +315,13 @@ class Chain:
         return x
 
     @checks_theta
-    def kinks(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def kinks(self, theta: np.ndarray, tangent: bool = True) -> tuple[np.ndarray, np.ndarray]:
         """Kinks of all maps (k,) and their derivative (k, P), see `Block.kinks`."""
         values, rows = [np.empty(0)], [np.empty((0, len(theta)))]
         for b in self.blocks:
             for part, entry in b.parts():
                 positions = slice(self.index(b).start + part.start, self.index(b).start + part.stop)
-                kink, d = entry.kinks(theta[positions])
+                kink, d = entry.kinks(theta[positions], tangent)
                 wide = np.zeros((len(kink), len(theta)))
                 wide[:, positions] = d
                 values.append(kink)

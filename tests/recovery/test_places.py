@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sysid.estimation.starts.portfolio import curves
-from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
+from sysid.estimation.starts.portfolio.exchange import Polygons
 
 
 def loss(M, y, places, chosen):
@@ -30,7 +30,7 @@ def test_no_place_can_be_exchanged_for_a_better_one(case):
     places, M, y = case
     k, m = len(places), 5
     first = np.linspace(0, k - 1, m).astype(np.int64)
-    found, cost = exchange_places(M.T @ M, M.T @ y, places, first, 1e-12, 50, 0.0)
+    found, cost = Polygons(M.T @ M, M.T @ y, places, 1e-12).exchanged(first, 50, 0.0)
     assert cost + y @ y == pytest.approx(loss(M, y, places, found), rel=1e-8)
     assert loss(M, y, places, found) < loss(M, y, places, first)
     for turn in range(1, m - 1):
@@ -42,7 +42,7 @@ def test_no_place_can_be_exchanged_for_a_better_one(case):
 def test_a_polygon_is_that_of_least_squares(case):
     places, M, y = case
     chosen = np.array([0, 3, 5, len(places) - 1])
-    assert polygon(M.T @ M, M.T @ y, places, chosen, 0.0)[1] + y @ y == pytest.approx(loss(M, y, places, chosen))
+    assert Polygons(M.T @ M, M.T @ y, places, 0.0).best(chosen)[1] + y @ y == pytest.approx(loss(M, y, places, chosen))
 
 
 def test_fewer_places_are_the_best_of_all_choices(case):

@@ -14,7 +14,7 @@ from sysid.block.block import StaticBlock
 from sysid.blocks import PiecewiseLinear, Polynomial, Saturation, SigmoidNetwork
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import as_block
-from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
+from sysid.estimation.starts.portfolio.exchange import Polygons
 from sysid.estimation.starts.portfolio.members import MEMBERS
 from sysid.estimation.starts.portfolio.screen import Screen
 from sysid.estimation.starts.portfolio.two_filters import choose_roots
@@ -57,10 +57,10 @@ def test_exchange_ends_where_no_single_place_improves_and_beats_chance(seed):
         return c, -float(h @ P @ c)
 
     first = np.array([0, 3, 6, 9, k - 1])
-    values, cost = polygon(G, h, places, first, 0.0)
+    values, cost = Polygons(G, h, places, 0.0).best(first)
     np.testing.assert_allclose(values, direct(first)[0], rtol=1e-8)
     assert cost == pytest.approx(direct(first)[1], rel=1e-9)
-    found, cost = exchange_places(G, h, places, first, 0.0, 50, 0.0)
+    found, cost = Polygons(G, h, places, 0.0).exchanged(first, 50, 0.0)
     assert cost == pytest.approx(direct(found)[1], rel=1e-9)
     for turn, i in itertools.product(range(1, m - 1), range(1, k - 1)):
         if i not in found:

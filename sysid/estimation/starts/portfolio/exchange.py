@@ -3,42 +3,55 @@
 In numpy: a few thousand small products in a search, for which nobody should wait until a kernel is compiled.
 """
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 
-def polygon(
-    G: np.ndarray, h: np.ndarray, places: np.ndarray, chosen: np.ndarray, ridge: float
-) -> tuple[np.ndarray, float]:
-    """Values (m,) at places[chosen] of the polygon that minimises v'G v - 2 h'v, and this minimum.
+@dataclass(frozen=True)
+class Polygons:
+    """Polygons v through a few of `places` (k,), rising, judged by v'G v - 2 h'v + ridge |v|^2; G (k, k), h (k,).
 
-    G (k, k), h (k,), places (k,) rising, chosen (m,) rising with first 0 and last k - 1. Raises
-    numpy.linalg.LinAlgError if G is singular.
+    `chosen` are numbers (m,) of places, rising, with first 0 and last k - 1. A singular G without a ridge raises
+    numpy.linalg.LinAlgError.
     """
-    W = _hats(places, chosen)
-    g = W.T @ h
-    values = np.linalg.solve(W.T @ G @ W + ridge * np.eye(len(chosen)), g)
-    return values, -float(g @ values)
 
+    G: np.ndarray
+    h: np.ndarray
+    places: np.ndarray
+    ridge: float
+    additions: dict[bytes, int | None] = field(default_factory=dict)  # several exchanges meet the same places
 
-def exchange_places(
-    G: np.ndarray, h: np.ndarray, places: np.ndarray, chosen: np.ndarray, ridge: float, sweeps: int, least: float
-) -> tuple[np.ndarray, float]:
-    """`chosen` (m,) after moving one inner place at a time to where the minimum of `polygon` is lowest, and this."""
-    best_set, best = chosen, polygon(G, h, places, chosen, ridge)[1]
-    for _ in range(sweeps):
-        best_before = best
-        for turn in range(1, len(chosen) - 1):
-            rest = np.delete(best_set, turn)
-            place = _best_addition(G, h, places, rest, ridge)
-            if place is None or place == best_set[turn]:
-                continue
-            trial = np.sort(np.append(rest, place))
-            cost = polygon(G, h, places, trial, ridge)[1]
-            if cost < best:
-                best, best_set = cost, trial
-        if best_before - best < least:
-            break
-    return best_set, best
+    def best(self, chosen: np.ndarray) -> tuple[np.ndarray, float]:
+        """Values (m,) at places[chosen] of the best polygon, and its minimum."""
+        W = _hats(self.places, chosen)
+        g = W.T @ self.h
+        values = np.linalg.solve(W.T @ self.G @ W + self.ridge * np.eye(len(chosen)), g)
+        return values, -float(g @ values)
+
+    def exchanged(self, chosen: np.ndarray, sweeps: int, least: float) -> tuple[np.ndarray, float]:
+        """`chosen` after moving one inner place at a time to where the minimum of `best` is lowest, and this."""
+        best_set, best = chosen, self.best(chosen)[1]
+        for _ in range(sweeps):
+            best_before = best
+            for turn in range(1, len(chosen) - 1):
+                rest = np.concatenate([best_set[:turn], best_set[turn + 1 :]])
+                place = self._addition(rest)
+                if place is None or place == best_set[turn]:
+                    continue
+                trial = np.sort(np.append(rest, place))
+                cost = self.best(trial)[1]
+                if cost < best:
+                    best, best_set = cost, trial
+            if best_before - best < least:
+                break
+        return best_set, best
+
+    def _addition(self, rest: np.ndarray) -> int | None:
+        key = rest.tobytes()
+        if key not in self.additions:
+            self.additions[key] = _best_addition(self.G, self.h, self.places, rest, self.ridge)
+        return self.additions[key]
 
 
 def _hats(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
@@ -52,7 +65,7 @@ def _hats(places: np.ndarray, chosen: np.ndarray) -> np.ndarray:
 
 
 def _best_addition(G: np.ndarray, h: np.ndarray, places: np.ndarray, rest: np.ndarray, ridge: float) -> int | None:
-    """The place that lowers the minimum of `polygon` most beside `rest` (n,), None if none does.
+    """The place that lowers the minimum of `Polygons.best` most beside `rest` (n,), None if none does.
 
     One more place adds one tent between its neighbours to the curves: a regression that grows by one column.
     """

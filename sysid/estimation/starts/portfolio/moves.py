@@ -16,7 +16,7 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.starts._start import delay, denominators, filters_of, same_poles
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import maps_of, movable_maps
-from sysid.estimation.starts.portfolio.exchange import exchange_places, polygon
+from sysid.estimation.starts.portfolio.exchange import Polygons
 from sysid.estimation.starts.portfolio.members import random_poles
 from sysid.estimation.starts.portfolio.surrogate import with_lines
 from sysid.model.chain import Chain, columns
@@ -121,7 +121,8 @@ def _best_polygon(
     if k <= len(breakpoints) or not ridge > 0.0:
         return None
     present = _nearest(places, breakpoints)
-    start = polygon(G, h, places, present, ridge)[1]
+    polygons = Polygons(G, h, places, ridge)
+    start = polygons.best(present)[1]
     curve = np.linalg.lstsq(G, h, rcond=1e-10)[0]
     if start + float(h @ curve) < least:  # not even a curve without corners wins that much
         return None
@@ -137,12 +138,12 @@ def _best_polygon(
     ]
     best, best_choice = start, present
     for way in ways:
-        choice, cost = exchange_places(G, h, places, way, ridge, _SWEEPS, 0.1 * least)
+        choice, cost = polygons.exchanged(way, _SWEEPS, 0.1 * least)
         if cost < best:
             best, best_choice = cost, choice
     if start - best < least:
         return None
-    values = polygon(G, h, places, best_choice, ridge)[0]
+    values = polygons.best(best_choice)[0]
     knots = places[best_choice]
     gap = 0.011 * (knots[-1] - knots[0])
     for j in range(1, len(knots)):
