@@ -1,15 +1,18 @@
 """What all tests share: where public records lie, and how long statistical runs are."""
 
 import base64
+import datetime
 import gc
 import os
 import signal
 import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
+from of_the_day import of_the_day
 from often import FULL
 from shares import in_shares
 
@@ -21,6 +24,8 @@ settings.load_profile("qpal")
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a script: children inherit it,
     signal.signal(signal.SIGINT, signal.default_int_handler)  # and tests of Ctrl-C would send it to the deaf
+
+DAY = pytest.StashKey[int | None]()
 
 RECORDS = Path(os.environ.get("QPAL_RECORDS") or Path(__file__).resolve().parents[2] / "shared" / "data")
 
@@ -71,9 +76,27 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """A run of the whole suite takes the cases of one day; its workers take those of the same."""
+    whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword
+    today = int(os.environ.get("QPAL_DAY") or datetime.date.today().toordinal())
+    workerinput = getattr(config, "workerinput", None)
+    config.stash[DAY] = workerinput["day"] if workerinput else today if whole and not FULL else None
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Without xdist there are no workers."""
+    node.workerinput["day"] = node.config.stash[DAY]
+
+
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The nightly list is skipped by default; every worker of xdist begins with long tests, so that none idles."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """The nightly list is skipped by default, and of large families the cases of other days; every worker of xdist
+    begins with long tests, so that none idles."""
+    if (day := config.stash[DAY]) is not None:
+        items[:], others = of_the_day(items, lambda item: item.nodeid.partition("[")[0], day)
+        config.hook.pytest_deselected(items=others)
     for item in items:
         if not FULL and item.get_closest_marker("nightly"):
             item.add_marker(pytest.mark.skip(reason="of the nightly list: QPAL_FULL=1 runs it"))
