@@ -17,9 +17,10 @@ from sysid.report import figures, sections, verdict
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word, short
 from sysid.report.gain import gain_rows
 from sysid.report.page import Grid, Picture
+from sysid.workflow.next_step import INCOMPLETE
 from sysid.workflow.remarks import WRONG
 from sysid.workflow.results import Evaluation, Identification
-from sysid.workflow.what_is_left import rounded, systematic
+from sysid.workflow.what_is_left import LARGER, rounded, systematic
 
 SLOWEST = 3  # time constants
 
@@ -102,6 +103,9 @@ def sentence(result: Identification) -> str:
     left = left or verdict.left_in_words(e.tests, e.notes)
     why = result.next.why if result.next is not None else ""
     is_new = bool(why) and why.partition(" (")[0] not in left  # such as that the search did not converge
+    if why == INCOMPLETE and e.tests is not None and not e.tests.independent:  # which says no more
+        is_new = False
+    left = left.removesuffix(f"; {LARGER}") if is_new else left  # one remedy
     return f"{capital(left)}{f'; {why}' if is_new else ''}."
 
 
@@ -146,7 +150,9 @@ def _caption(result: Identification) -> str:
     e = result.evaluation
     seen = "The validation data, which the fit has not seen" if e.unseen else "The record that was fitted"
     see = "where the two part: there the model lacks what moves the output"
-    see = see if word(result) == POOR else "errors that look like noise"
+    if word(result) != POOR:
+        is_noise = e.tests is None or e.tests.independent
+        see = "errors that look like noise" if is_noise else "errors that come with the input: the model lacks these"
     return f"{seen}: measured and model; below, what is left. What to see: {see}."
 
 

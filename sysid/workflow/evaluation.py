@@ -232,8 +232,13 @@ def moves_in_one_part(estimation: IOData, validation: IOData) -> bool:
 
 
 def has_ample_samples(fit: Fit | NlarxFit) -> bool:
-    """Whether the record has so many samples for each parameter that their number cannot overfit it."""
-    return isinstance(fit, Fit) and AMPLE * fit.criteria.d < fit.criteria.N
+    """Whether the record has so many samples for each parameter that their number cannot overfit it; the inputs before
+    the record, which a delay lets through, are the record's.
+    """
+    if not isinstance(fit, Fit):
+        return False
+    past = sum(getattr(block, "history", 0) for block in fit.model.blocks)
+    return AMPLE * min(fit.criteria.d, int(fit.model.free.sum()) - past) < fit.criteria.N
 
 
 def _one_step(fit: Fit | NlarxFit, estimation: IOData, validation: IOData) -> OneStep:

@@ -37,6 +37,7 @@ from sysid.workflow.what_is_left import lasts, unexplained, zeros_differ
 
 MUCH, MOST = 0.2, 0.5  # of the validation part
 AS_WELL = "does as well"
+INCOMPLETE = "the residuals are coloured, so the model is incomplete"
 _INTEGRATES = "the plant integrates over all of this record"
 SPLITS = (0.6, 0.7, 0.8)
 
@@ -303,9 +304,7 @@ def _lack(e: Evaluation) -> str:
     if e.fall > OVERFITTED:
         ample = has_ample_samples(e.fit)
         return "the two parts of the record differ" if ample else "the model is too large for this record"
-    if e.judged_fit >= POOR:
-        return "the residuals are coloured, so the model is incomplete"
-    return "this structure does not explain the record"
+    return INCOMPLETE if e.judged_fit >= POOR else "this structure does not explain the record"
 
 
 def _offset(result: Identification) -> NextStep | None:

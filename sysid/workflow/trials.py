@@ -18,7 +18,7 @@ from sysid.diagnosis.residuals import CLOSE, poor
 from sysid.estimation.result import Fit
 from sysid.nlarx.result import NlarxFit
 from sysid.selection.table import BLOCKS, SECONDS, larger
-from sysid.structures import ActuatedJoint, OutputError, ProcessModel
+from sysid.structures import ActuatedJoint, OutputError, ProcessModel, ServoJoint
 from sysid.workflow.changes import AUTO, changed_setting, detrend_after
 from sysid.workflow.next_step import AS_WELL, against_the_record
 from sysid.workflow.results import Evaluation, Identification
@@ -26,6 +26,7 @@ from sysid.workflow.setting import Setting
 from sysid.workflow.steps import Gain, NextStep
 
 LEAST = 2.0  # [s] of a budget that is not given: a linear model takes a tenth of it, one with maps most of it
+_JOINTS = (ActuatedJoint.name, ServoJoint.name)
 _WITH_PARTS = 5.0  # [s] of a joint that grows its parts, on 1000 samples
 _LONGER = "it needs more time than this fit took"
 REACH = 1.5  # times what the best step leaves, within which another one is said too, as a structure search goes on
@@ -96,7 +97,7 @@ def _usual(result: Identification, steps: Sequence[NextStep]) -> float:
 
 def _due(result: Identification, step: NextStep) -> float:
     """How long [s] a step takes to which the record points, in the same structure or as a joint; inf for others."""
-    if step.guess or not step.change or step.change.get("structure") not in (None, ActuatedJoint.name):
+    if step.guess or not step.change or step.change.get("structure") not in (None, *_JOINTS):
         return np.inf
     return _expected(result, changed_setting(result, **{k: v for k, v in step.change.items() if k != "split"}))
 

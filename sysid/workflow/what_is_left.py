@@ -20,6 +20,7 @@ from sysid.workflow.results import Evaluation
 MANY = 3.0  # times the noise of a reading: noise is then a ninth of the squared error, and does not limit the fit
 WORSE = 2.0  # times the error on the estimation data: what the fit left there is a quarter of the squared error
 _CONSTANT = 2.0  # times the rest: a constant is then four fifths of the squared error
+LARGER = "a larger model may explain it"
 _ROUNDED = 1.1  # times the deviation of the rounding: a fifth of the squared error at most is something else
 _ONLY_NOISE = 1.5  # times the noise of a reading: half of the squared rest at most is something else
 
@@ -171,7 +172,7 @@ def slow(left: Left, fit: Fit | NlarxFit, tests: ResidualTests | None) -> str:
     recipe = TABLE.get(fit.model.structure)
     if (recipe is not None and recipe.with_parts) or fit.predicts or tests is None or tests.white or not left.many:
         return ""
-    return f"the error is slow and {left.multiple}; a larger model may explain it"
+    return f"the error is slow and {left.multiple}; {LARGER}"
 
 
 def lasts(e: Evaluation) -> bool:

@@ -192,7 +192,14 @@ def test_what_the_record_points_to_is_tried_first_however_short_the_fit_was():
     assert taken[0][1] == pytest.approx(14.0, abs=0.5)
     many = NextStep("the search had few starting points", "qpal", {"starts": 20})
     joint = NextStep("the output goes on while a voltage acts", "qpal", {"structure": "actuated_joint"})
-    for steps, budget in (([many], 7.0), ([joint], 10.0), ([replace(joint, guess=True)], 7.0), ([], 7.0)):
+    servo = NextStep("the input is a goal", "qpal", {"structure": "servo_joint"})
+    for steps, budget in (
+        ([many], 7.0),
+        ([joint], 10.0),
+        ([servo], 10.0),
+        ([replace(joint, guess=True)], 7.0),
+        ([], 7.0),
+    ):
         assert trials._usual(slow, steps) == budget
 
 

@@ -1,17 +1,20 @@
 """Sentences of the first screen: names as they are, whole lists, and nothing said twice."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+import sysid
 from sysid.base.quantities import capital
 from sysid.data.record import IOData
 from sysid.diagnosis.advice import advise
 from sysid.report import identify_answer
 from sysid.report.sections import criteria_grid
 from sysid.structures import Hammerstein, OutputError
+from sysid.workflow.evaluation import has_ample_samples
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from sysid.workflow.steps import NextStep
@@ -131,3 +134,48 @@ def test_the_number_of_parameters_is_called_what_it_is_and_one_output_has_one_fi
         assert [label for label in labels if "the same of" in label] == [
             f"the same of {n}, validation data" for n in names
         ]
+
+
+def first_sentence(left: str, why: str, monkeypatch, independent: bool = True) -> str:
+    """The sentence of a usable model with this finding and this reason for its next step."""
+    tests = SimpleNamespace(independent=independent, white=False)
+    e = SimpleNamespace(unseen=True, notes=(), joint=None, tests=tests, evaluation=None, judged_fit=95.0)
+    found = SimpleNamespace(evaluation=e, next=NextStep(why, "qpal identify a.csv"), advice=())
+    for name, value in {"_wrong": [], "_bad": False, "_spoilt": False, "rounded": False, "systematic": left}.items():
+        monkeypatch.setattr(identify_answer, name, lambda *_, value=value: value)
+    return identify_answer.sentence(found)
+
+
+def test_a_sentence_names_one_remedy_and_says_nothing_twice(monkeypatch):
+    slow, goal = (
+        "the error is slow and 27 times the noise of a reading",
+        "the input is a goal, and there is no loop",
+    )
+    said = first_sentence(f"{slow}; a larger model may explain it", goal, monkeypatch)
+    assert said == f"T{slow[1:]}; {goal}."
+    incomplete = "the residuals are coloured, so the model is incomplete"
+    dependent = first_sentence("", incomplete, monkeypatch, independent=False)
+    assert dependent == "What is left still depends on the input."
+    assert first_sentence(slow, incomplete, monkeypatch).endswith(f"; {incomplete}.")
+
+
+def test_what_to_see_in_a_picture_is_in_it(monkeypatch):
+    monkeypatch.setattr(identify_answer, "word", lambda _: "usable")
+    for independent, see in (
+        (True, "errors that look like noise."),
+        (False, "errors that come with the input: the model"),
+    ):
+        e = SimpleNamespace(unseen=True, tests=SimpleNamespace(independent=independent))
+        assert f"What to see: {see}" in identify_answer._caption(SimpleNamespace(evaluation=e))
+
+
+def test_inputs_before_a_record_do_not_make_its_model_too_large():
+    """A record that is cut out of a run, of a plant with a delay: each input that the delay still holds is a number."""
+    u = np.repeat(np.random.default_rng(6).uniform(-1.0, 1.0, 60), 15)
+    y = lfilter([0.1], [1.0, -0.9], np.concatenate([np.zeros(20), u[:-20]]))
+    y += 0.005 * np.random.default_rng(7).normal(size=len(y))
+    fit = sysid.fit(sysid.structures.process("P1D"), IOData(u[220:], y[220:], 1.0), starts=1)
+    assert fit.criteria.d > 20
+    own = 5  # gain, time constant, delay, zero and state
+    for samples, ample in ((100 * own + 1, True), (100 * own - 100, False)):
+        assert has_ample_samples(replace(fit, criteria=replace(fit.criteria, N=samples))) is ample
