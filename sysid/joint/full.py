@@ -26,7 +26,7 @@ from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
 from sysid.solver.linearisation import order_of
 
-PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "turns")
+PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands", "turns")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
 _CLEAR = np.log(20.0)  # of a likelihood over another: strong odds (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995)
@@ -45,7 +45,8 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
 
     "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
     "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
-    servo; "turns": a load that repeats every turn of a joint without linkage whose `data` go over `TURNS_NEEDED`; and
+    servo; "bands": a dead band of its loop; "turns": a load that repeats every turn of a joint without linkage whose
+    `data` go over `TURNS_NEEDED`; and
     those of `sysid.motor_parts`.
     """
     motor, wanted = motor_of(plain), set(parts)
@@ -55,6 +56,7 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     options["substeps"] = max(motor.substeps, SUBSTEPS if options["stribeck"] or options["further"] else 1)
     if isinstance(motor, ServoMotor):
         options["sags"] = motor.sags or "sags" in wanted
+        options["dead"] = motor.dead or "bands" in wanted
     if data is not None and "turns" in wanted and _may_turn(plain, data):
         options |= {"periodic": 1, "period": turn_of(data) / _stroke(plain)}
     full = replace(motor, **options)

@@ -35,7 +35,7 @@ WORDS: dict[type, dict[str, str]] = {
         "loss": "friction proportional to the load",
         "jam": "jamming at a struck stop",
     },
-    ServoMotor: {"sag": "sagging of the supply"},
+    ServoMotor: {"sag": "sagging of the supply", "dead": "dead band around the goal"},
     Play: {"width": "backlash"},
     CoastingPlay: {"width": "backlash"},
 }

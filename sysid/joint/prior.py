@@ -42,7 +42,7 @@ KNOWN: dict[type, dict[str, Known]] = {
         "jam": Known(0.0, 0.3, "time by speed"),
         **{f"{wave}{k}": Known(0.0, 2.0, "friction") for wave in ("sine", "cosine") for k in (1, 2)},
     },
-    ServoMotor: {"sag": Known(0.0, 0.2, "one")},
+    ServoMotor: {"sag": Known(0.0, 0.2, "one"), "dead": Known(0.0, 0.01, "angle")},
     Play: {"width": Known(0.0, 0.015, "angle")},
     CoastingPlay: {
         "width": Known(0.0, 0.015, "angle"),

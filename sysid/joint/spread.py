@@ -27,7 +27,7 @@ _DIRECTIONS = 10.0
 # because other parameters make up for what it lacks: found on drawn legs of the twin (the study drawn_joints). Those
 # of voltages are shares of the friction, at rest for a break-away.
 LACKS = {"coulomb": 0.025, "moving_friction": 0.025, "breakaway": 0.12, "backlash": 0.15}
-LACKS |= {"speed_per_volt": 0.008}
+LACKS |= {"speed_per_volt": 0.008, "dead": 0.12}  # a servo rests where its drive beyond the band is below a break-away
 END_REACH = 0.01  # of the travel: how far an end may lie from the rests against it, which the backlash keeps apart
 TIME_DEVIATION = 0.1  # of a sample: the same of a time
 DELAY_SHARE = 0.1  # of a time: what else delays a joint, as a backlash that a model has not, looks like lag
@@ -117,13 +117,14 @@ def _refit_fold(fit: Fit, part: IOData) -> np.ndarray:
 def structural_deviation(name: str, value: float, travel: float, Ts: float, dry: float) -> float:
     """Standard uncertainty of a value by what every model of a joint lacks; `travel` is the way between the ends.
 
-    dry [V]: dry friction. The voltage that moves a joint is as uncertain as that, also where a load makes it small.
+    dry [V]: dry friction. The voltage that moves a joint is as uncertain as that, also where a load makes it small. Of
+    a servo's dead band it is the error that asks for that drive.
     """
     if name.startswith("end_"):
         return END_DEVIATION * travel
     if name in ("lag_and_delay", "time_constant", "delay"):
         return float(np.hypot(TIME_DEVIATION * Ts, DELAY_SHARE * value))
-    reference = dry if name.startswith(("coulomb", "moving_friction")) else abs(value)
+    reference = dry if name.startswith(("coulomb", "moving_friction", "dead")) else abs(value)
     return next((share for start, share in LACKS.items() if name.startswith(start)), 0.0) * reference
 
 

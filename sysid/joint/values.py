@@ -20,12 +20,12 @@ from sysid.model.chain import Chain
 
 _LARGEST_DEVIATION = 0.1  # of a speed, or of the dry friction: a wider standard uncertainty does not determine it
 
-
 WORDS = {  # the physical values of an actuated joint as people call them
     "speed_per_volt": "speed per volt, mid stroke",
     "speed_full_drive": "speed at full drive",
     "kp": "gain of the loop, kp",
     "kd": "derivative gain of the loop, kd",
+    "dead": "dead band around the goal",
     "time_constant": "time constant",
     "breakaway_up": "break-away voltage up",
     "breakaway_down": "break-away voltage down",
@@ -89,10 +89,10 @@ def joint_values(
     record does not bear (see `sysid.joint.evidence`) then has no interval and says why: an end that was not met, a
     backlash that is not crossed. In place of a break-away without starts from rest there is moving_friction_up or
     moving_friction_down [V], and lag_and_delay [s] in place of a time constant and a delay that the record does not
-    tell apart. A servo has speed_full_drive [y/s] in place of speed_per_volt, its gains kp [drive/y] and kd, and where
-    its largest drive is 1, shares of full duty in place of volts. A break-away is drawn towards the voltages of those
-    starts, and an end stays near the rests against it. Intervals are symmetric and cut off at the limits of a value's
-    range; a value at a limit (no backlash) or a fixed value has none.
+    tell apart. A servo has speed_full_drive [y/s] in place of speed_per_volt, its gains kp [drive/y] and kd, a dead
+    band [y] where the record shows one, and where its largest drive is 1, shares of full duty in place of volts. A
+    break-away is drawn towards the voltages of those starts, and an end stays near the rests against it. Intervals are
+    symmetric and cut off at the limits of a value's range; a value at a limit (no backlash) or a fixed value has none.
 
     linearity [y]: largest deviation of the sensor from a straight line, from its data sheet. A record does not show
     the errors of its own sensor. They enter ends and speed as a deviation that oscillates between the two limits, with
@@ -133,11 +133,14 @@ def joint_values(
         half = plain(read)
         if row.determined and not (np.isfinite(half) and half > 0.0):
             row = ValueEvidence(False, "the record has no information on it")
+        if name == "dead" and not row.determined:  # one that may be 0 is a part that is open or absent
+            continue
         limits: tuple[float | None, float | None] = (None, None)
         if row.determined:
             off_line, lacks = linearity * _nonlinearity_share(name, value, chain, fit.theta), 0.0
             if support is not None and not complete:
-                value, lacks = _record_correction(name, value, support, way, fit.Ts, dry)
+                friction = dry / readings["kp"][1](fit.theta) if name == "dead" else dry
+                value, lacks = _record_correction(name, value, support, way, fit.Ts, friction)
                 lacks = float(np.hypot(lacks, _play_half_width(chain, fit.theta) if name in support.stops else 0.0))
                 half = 0.0 if name in support.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
@@ -240,6 +243,8 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         readings["kp"] = (f"{volts}/{y}", of("kp"), 0.0)
         if f"{motor.role}.kd" in chain.names:
             readings["kd"] = (f"{volts} s/{y}", lambda theta: of("kd")(theta) * Ts, 0.0)
+        if isinstance(motor, ServoMotor) and motor.dead:
+            readings["dead"] = (y, of("dead"), 0.0)
     if motor.delayed:
         readings["delay"] = ("s", lambda theta: of("delay")(theta) * Ts, 0.0)
     return readings
@@ -278,7 +283,7 @@ def _check_precision(
     A load may make the voltage that moves a joint as small as one likes, so it is compared with the dry friction.
     """
     volts = name.startswith(("coulomb", "moving_friction"))
-    if not row.determined or not (volts or name.startswith("speed")):
+    if not row.determined or not (volts or name.startswith(("speed", "dead"))):
         return row
     read = readings[name][1]
     std, least = spread.std(read), dry if volts else abs(read(spread.noise.theta))

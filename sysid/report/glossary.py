@@ -54,7 +54,8 @@ TERMS = {
     "speed per volt, mid stroke": "how much faster the joint moves for each volt more, at the middle of its travel",
     "speed at full drive": "speed in the middle of the travel at the largest drive",
     "speed per volt": "how much faster the joint moves for each volt more, at the middle of its travel",
-    "gain of the loop, kp": "drive for each unit of position error",
+    "gain of the loop, kp": "drive for each unit of position error, beyond the dead band where there is one",
+    "dead band around the goal": "largest error on which the servo does not act",
     "derivative gain of the loop, kd": "drive for each unit of speed of the position error",
     "break-away voltage up": "smallest voltage that starts a joint at rest towards larger outputs; it includes dry "
     "friction, load and the driver's dead zone",

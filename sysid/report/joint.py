@@ -17,6 +17,7 @@ PARTS = {
     "loss": "friction by load",
     "jam": "jam at an end stop",
     "sag": "sagging supply",
+    "dead": "dead band",
     "width": "backlash",
 }
 PARTS_SAY = (

@@ -13,6 +13,8 @@ from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
+from sysid.joint.full import PARTS
+from sysid.joint.posterior import fit_joint
 from sysid.joint.values import joint_values
 from sysid.model.chain import Chain
 from sysid.structures import ServoJoint, servo_joint
@@ -125,6 +127,39 @@ def test_a_record_that_reaches_full_duty_gives_every_value():
     for name, ratio in values(fit, joint).items():
         assert ratio == pytest.approx(1.0, abs=0.03), name
     assert not np.isinf(fit.covariance.std()[fit.model.names.index("motor.kp")])
+
+
+def of_dead_band(dead, kp=4.0, speed=6.0, lag=0.05, dry=0.03, Ts=0.01, parts=20):
+    """Goal and angle of a servo whose loop acts on what the error exceeds its band by, by plain steps of time."""
+    rng, h = np.random.default_rng(5), Ts / parts
+    goal = np.repeat(rng.uniform(-1.2, 1.2, 24), rng.integers(30, 70, 24))
+    x, v, y = float(goal[0]), 0.0, np.zeros(len(goal))
+    for t, wanted in enumerate(goal):
+        y[t] = x
+        for _ in range(parts):
+            drive = kp * np.sign(wanted - x) * max(abs(wanted - x) - dead, 0.0)
+            drive = min(max(drive, -1.0), 1.0)
+            if v == 0.0 and abs(drive) <= dry:
+                continue
+            new = v + h * (speed * (drive - dry * np.sign(v or drive)) - v) / lag
+            v = 0.0 if v * new < 0.0 else new
+            x += h * v
+    return IOData(goal, y + 5e-4 * rng.normal(size=len(y)), Ts, "goal", "angle", "rad", "rad")
+
+
+@pytest.mark.parametrize("band", [0.0, 0.02])
+def test_a_dead_band_is_found_beside_a_gain_that_it_does_not_lower(band):
+    data, motor = of_dead_band(band), servo_joint(ServoMotor(load=0, stops=False), play=False)
+    found = fit_joint(data, motor, parts=("bands",))
+    shown = {value.name: value for value in joint_values(found.fit, data=data)}
+    assert shown["kp"].holds(4.0)
+    assert shown["kp"].value == pytest.approx(4.0, rel=0.02)
+    assert found.shown == (("motor.dead",) if band else ())
+    assert ("dead" in shown) == bool(band)
+    if band:
+        assert shown["dead"].holds(band)
+        assert shown["dead"].value == pytest.approx(band, rel=0.05)
+    assert "bands" in PARTS  # which is what identify looks for
 
 
 def test_a_record_below_full_duty_gives_what_it_can_and_the_rest_where_the_gain_is_known():
