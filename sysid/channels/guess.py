@@ -32,6 +32,7 @@ from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import is_time
 from sysid.channels.experiments import starts_of_clock
 from sysid.channels.guessed_channel import guess_channel
+from sysid.channels.loops import note_on_controller, roles_in_loop
 from sysid.channels.mapping import SHORTEST, Channel, ChannelMap, Clock, Range
 from sysid.channels.order import oldest_first
 from sysid.channels.own_clocks import with_own_clocks
@@ -45,7 +46,6 @@ from sysid.channels.roles import (
     doubts_of_roles,
     is_counter,
     is_switch,
-    note_on_controller,
     note_on_direction,
     note_on_left_out,
     switch_of,
@@ -277,7 +277,7 @@ def _guess_signals(
         unclear += doubts_of_roles(table, roles, columns, signals)
         return roles
     sure = not unclear
-    roles = choose_signals(table, signals, why, unclear)
+    roles = roles_in_loop(signals, why) or choose_signals(table, signals, why, unclear)
     if sure and not unclear:
         unclear += doubts_of_roles(table, roles, columns, signals)
     # A column called u or y that holds no numbers is not passed over for another one.
