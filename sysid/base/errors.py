@@ -16,6 +16,14 @@ class InputError(ValueError):
         super().__init__(*(readable(s) if isinstance(s, str) else s for s in said))
 
 
+class TooFewSamplesError(InputError):
+    """A record with fewer samples than the `least` that the free parameters of a structure need."""
+
+    def __init__(self, said: str, parameters: int, least: int, structure: str) -> None:
+        super().__init__(said)
+        self.parameters, self.least, self.structure = parameters, least, structure
+
+
 def printable(text: str) -> str:
     """The text with what steers a terminal, or turns the direction of reading, written as \\x1b or \\u202e."""
     return text if text.isprintable() else _OTHER.sub(_escaped, text)

@@ -43,6 +43,7 @@ PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word sa
 STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
 MANY = 6  # names in a sentence
 TOGETHER = "act together: "  # the options for all of several inputs follow
+NONE_LEFT = "is left for the "  # a role, and behind the semicolon what a log needs that has it
 _OF_SUPPLIES = ("", "V", "A", "W")
 _SAME_ORDER = np.sqrt(10.0)  # within which two ranges are of one order
 
@@ -330,7 +331,7 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
         remedy = "choose columns that move, or record again while it moves"
         if len(frozen) == 1 and len(missing) == 1:
             remedy = f"record again while the {missing[0]} moves, or give a log that has it"
-        return [f"{inventory}{clock}{frozen_note}, and no column that moves is left for the {left_open}; {remedy}"]
+        return [f"{inventory}{clock}{frozen_note}, and no column that moves {NONE_LEFT}{left_open}; {remedy}"]
     if words := [name for name in columns_of_words(table) if name not in columns]:
         return [
             f"{inventory}{clock}; hexadecimal words without 0x are in {list_names(words)}: set base = 16 for each in a "
@@ -341,18 +342,6 @@ def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Colum
     if clocks and len(missing) == 1 and len(signals) == 1:
         other = f", or all files where each holds one signal of a record (qpal identify FILE1 FILE2){other}"
     return [
-        f"{inventory}{clock}{omissions}: no column is left for the {left_open}; give a log that has an input and an "
+        f"{inventory}{clock}{omissions}: no column {NONE_LEFT}{left_open}; give a log that has an input and an "
         f"output, recorded together{other}"
-    ]
-
-
-def note_on_controller(roles: Mapping[str, Column | None], signals: Mapping[str, Column]) -> list[str]:
-    """What is asked where a setpoint stands beside an input and an output that may be those of the controller."""
-    chosen = [column.name for column in roles.values() if column is not None]
-    setpoints = [name for name, column in signals.items() if column.header.words & {"setpoint", "sp"}]
-    if not setpoints or sorted(name.lower() for name in chosen) != ["input", "output"]:
-        return []
-    return [
-        f"columns {setpoints[0]!r}, {chosen[0]!r} and {chosen[1]!r} may be a controller's, whose input is the output "
-        "of the plant; name the input of the plant with --input and its output with --output"
     ]

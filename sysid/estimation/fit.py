@@ -26,7 +26,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.criteria import criteria
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, TooFewSamplesError
 from sysid.base.parallel import one_blas_thread
 from sysid.base.poles import Motion, motion
 from sysid.blocks import Offset
@@ -285,9 +285,10 @@ def _check(model: Chain, data: IOData, objective: Objective) -> None:
     n_states = int((model.free & model.initial).sum())  # which each experiment has separately
     minimum = int(model.free.sum()) + (len(data.lengths) - 1) * n_states + 1
     if data.observed.sum() < minimum:
-        raise InputError(
+        raise TooFewSamplesError(
             f"{int(data.observed.sum())} samples are too few for {minimum - 1} free parameters ({model.structure}); "
-            f"give at least {minimum} samples or lower the orders"
+            f"give at least {minimum} samples or lower the orders",
+            *(minimum - 1, minimum, model.structure),
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.criteria import criteria
-from sysid.base.errors import InputError
+from sysid.base.errors import InputError, TooFewSamplesError
 from sysid.base.parallel import one_blas_thread
 from sysid.block.symmetry import direction
 from sysid.data.record import IOData, check_magnitudes
@@ -188,9 +188,10 @@ def check(model: Nlarx, pieces: tuple[Piece, ...], starts: int) -> None:
     minimum = 2 + len(model.regressors) + units * (m + 2)
     N = sum(len(p.y) - model.lag for p in pieces)
     if minimum > N:
-        raise InputError(
+        raise TooFewSamplesError(
             f"{N} samples after the first {model.lag} are too few for {minimum - 1} parameters; "
-            f"give at least {minimum + model.lag} samples or lower orders and units"
+            f"give at least {minimum + model.lag} samples or lower orders and units",
+            *(minimum - 1, minimum + model.lag, model.structure),
         )
 
 

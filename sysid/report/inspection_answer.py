@@ -1,6 +1,7 @@
 """The first screen of `qpal info FILE`: how the file is read, what of it is in doubt, and the next command."""
 
 from sysid.base.quantities import capital, display_quantity, number
+from sysid.channels.roles import NONE_LEFT
 from sysid.channels.signals import Signals
 from sysid.diagnosis.relation import without_effect
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
@@ -42,8 +43,10 @@ def sentence(result: Inspection) -> str:
 
 
 def _finding(text: str) -> str:
-    """What was found, without what to do about it."""
-    return text.partition(";")[0].rstrip(".")
+    """What was found, without what to do about it; of a log without a signal which, and not its columns."""
+    before, lacks, role = text.partition(NONE_LEFT)
+    found = before.rpartition("; ")[2] if lacks else before.partition(";")[0]
+    return f"{found}{lacks}{role.partition(';')[0]}".rstrip(".")
 
 
 def _warnings(result: Inspection) -> list[str]:
@@ -75,10 +78,13 @@ def following(result: Inspection) -> str:
         edit = result.unclear and result.unwritten is None
         first = f"fill in the lines of {result.options[-1]} that say CHOOSE, then: " if edit else ""
         return f"Next: {first}{result.command}"
+    if result.lack:
+        return f"Next: {result.lack}"
     if (none := without_effect(result.advice)) is not None and not result.obstacle:
         return f"Next: {none.action}"
     if not result.obstacle:  # the problem says itself what to do
         todo = result.problem.partition(";")[2].strip()
         return f"Next: {todo}" if todo else ""
     todos = [a.action for a in result.advice if a.topic == "data" and a.severity == "warning" and a.action]
-    return f"Next: {todos[0]}" if todos else ""
+    todo = todos[0] if todos else result.obstacle.rpartition("; ")[2]
+    return f"Next: {todo}"

@@ -22,6 +22,7 @@ from sysid.workflow.evaluation import evaluate, evaluate_fit
 from sysid.workflow.next_step import proposals
 from sysid.workflow.record import Record, read_record
 from sysid.workflow.results import Evaluation, Identification, named_channels, without_validation
+from sysid.workflow.room import told_of_parts
 from sysid.workflow.setting import Setting
 from sysid.workflow.sources import Auto, Sources, named, records_of
 from sysid.workflow.trials import tried
@@ -76,11 +77,12 @@ def identify_file(
     check_channels(setting, sources.records[0])
     prepared = sources.prepared(setting, split, detrend)
     fitting()
-    with named(sources.records[0].path):
+    parts, whole = prepared.parts, prepared.record.data
+    with named(sources.records[0].path), told_of_parts(prepared.plan, parts[0], int(whole.observed.sum())):
         if isinstance(setting, Auto):
-            selection, evaluation = _search(setting, *prepared.parts, candidate, progress)
+            selection, evaluation = _search(setting, *parts, candidate, progress)
         else:
-            selection, evaluation = None, evaluate(prepared.setting, *prepared.parts, progress)
+            selection, evaluation = None, evaluate(prepared.setting, *parts, progress)
     record, plan = prepared.record, prepared.plan
     if detrend == "linear" or (preparation.filter or (None,))[0]:
         # No offset undoes a line or a high-pass filter: a raw record has to be prepared alike.

@@ -16,17 +16,20 @@ from sysid.channels.guess import Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
 from sysid.channels.reading import Mapping, complete, read_map_of, sample
-from sysid.channels.roles import TOGETHER
+from sysid.channels.roles import NONE_LEFT, TOGETHER
 from sysid.channels.signals import Signals
+from sysid.data.record import IOData
 from sysid.data.table import Table
 from sysid.diagnosis.advice import Advice, advise
 from sysid.diagnosis.relation import without_effect
-from sysid.diagnosis.signals import MAP_FILE
+from sysid.diagnosis.signals import MAP_FILE, levels
 from sysid.formats import TABLE, read_table
-from sysid.structures import ServoJoint
-from sysid.workflow.evaluation import check_parts
+from sysid.structures import TABLE as STRUCTURES
+from sysid.structures import HammersteinWiener, ProcessModel, ServoJoint
+from sysid.workflow.evaluation import check_parts, moves_in_one_part
 from sysid.workflow.plan import Plan
 from sysid.workflow.record import check_moving
+from sysid.workflow.room import has_room, smaller
 from sysid.workflow.servo import is_of_servo
 
 LONGEST = 20_000  # samples that the advice looks at
@@ -88,6 +91,8 @@ class Inspection:
         Empty where no command helps: `problem` or `obstacle` then says what does.
         """
         together = next((text.partition(TOGETHER)[2] for text in self.unclear[:1] if TOGETHER in text), "")
+        if self.lack:
+            return ""
         if together and self.unwritten is not None:
             return f"{shlex.join(['qpal', 'identify', str(self.path)])} {together}"
         if self.unwritten is not None:
@@ -96,6 +101,11 @@ class Inspection:
             return ""
         verb, *advised = self.first
         return shlex.join(["qpal", verb, str(self.path), *self.options, *advised])
+
+    @property
+    def lack(self) -> str:
+        """What a log needs that has the signal which this one lacks; empty where a mapping can name all of them."""
+        return next((t.partition(NONE_LEFT)[2].partition("; ")[2] for t in self.unclear if NONE_LEFT in t), "")
 
     def as_dict(self) -> dict[str, Any]:
         """The summary of `qpal info FILE`, ready for JSON."""
@@ -183,9 +193,17 @@ def _first_command(signals: Signals | None, findings: Sequence[Advice]) -> tuple
     """The command for this record without its file; a delay is an order of every model, and does not say which."""
     advised = [a.command for a in findings if a.command and a.severity != "fine" and a.topic != "delay"]
     first = next(iter(advised), ("identify",))
-    if first[0] == "identify" and signals is not None and is_of_servo(signals):
-        return "identify", "--structure", ServoJoint.name
-    return first
+    if first[0] != "identify" or signals is None or (parts := _parts(signals)) is None:
+        return first
+    if is_of_servo(signals):
+        first = "identify", "--structure", ServoJoint.name
+    plan, data = parts
+    if plan.whole and data.u.shape[1] == data.y.shape[1] == 1 and levels(data.u) == 2:  # a step test
+        return "identify", "--structure", ProcessModel.name
+    name = first[first.index("--structure") + 1] if "--structure" in first else HammersteinWiener.name
+    if has_room(STRUCTURES[name](), data) or (recipe := smaller(data)) is None:
+        return first
+    return "identify", "--structure", recipe.name
 
 
 def sampling_facts(signals: Signals) -> dict[str, Any]:
@@ -233,10 +251,27 @@ def _obstacle(signals: Signals | None) -> str:
     try:
         data = signals.io()
         check_moving(signals, data)
-        check_parts(*Plan().parts(data))
+        check_parts(*_plan(data).parts(data))
     except InputError as error:
         return str(error)
     return ""
+
+
+def _plan(data: IOData) -> Plan:
+    """The plan of `qpal identify` where nothing else is asked: halves, or all where one of them has no movement."""
+    halves = Plan()
+    return replace(halves, whole=True) if moves_in_one_part(*halves.parts(data)) else halves
+
+
+def _parts(signals: Signals) -> tuple[Plan, IOData] | None:
+    """That plan and its estimation data; None of what is no record."""
+    if not (signals.input and signals.output):
+        return None
+    try:
+        data = signals.io()
+        return (plan := _plan(data)), plan.parts(data)[0]
+    except InputError:
+        return None
 
 
 def _columns(table: Table, mapping: ChannelMap) -> tuple[Column, ...]:

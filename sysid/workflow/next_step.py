@@ -31,6 +31,7 @@ from sysid.workflow.changes import STARTS, command
 from sysid.workflow.evaluation import OVERFITTED, has_ample_samples
 from sysid.workflow.remarks import extrapolated_signals, gain_remarks, share_outside
 from sysid.workflow.results import Evaluation, Identification
+from sysid.workflow.room import with_room
 from sysid.workflow.servo import is_of_servo
 from sysid.workflow.steps import NextStep
 from sysid.workflow.what_is_left import lasts, unexplained, zeros_differ
@@ -69,7 +70,8 @@ def proposals(result: Identification) -> list[NextStep]:
             return [longer_search]
     if (longer_search := _budget(result) if is_bad else None) is not None:
         return [longer_search]
-    return list({step.command: step for rule in _rules(e, is_bad) for step in _steps(rule(result))}.values())
+    found = {step.command: step for rule in _rules(e, is_bad) for step in _steps(rule(result))}
+    return with_room(result, found.values())
 
 
 def _rules(e: Evaluation, is_bad: bool) -> tuple[_Rule, ...]:
@@ -221,16 +223,14 @@ def _focus(result: Identification) -> NextStep | None:
     recipe = result.evaluation.setting.recipe
     if not isinstance(recipe, NonlinearArx) or recipe.focus != "prediction":
         return None
-    return _step(
-        "the model was fitted for one-step-ahead prediction and its free-run fit is poor", result, focus="simulation"
-    )
+    reason = "the model was fitted for one-step-ahead prediction and its free-run fit is poor"
+    return _step(reason, result, focus="simulation")
 
 
 def _uncovered_validation(result: Identification) -> NextStep | None:
     """Validation data of which a large share is outside the range of the estimation data."""
-    return (
-        _coverage(result) if share_outside(result.evaluation.estimation, result.evaluation.validation) > MUCH else None
-    )
+    e = result.evaluation
+    return _coverage(result) if share_outside(e.estimation, e.validation) > MUCH else None
 
 
 def _coverage(result: Identification) -> NextStep | None:
