@@ -86,3 +86,25 @@ def test_two_columns_that_follow_the_set_point_alike_leave_it_open(tmp_path):
     path = written(tmp_path, "goal,u,y,profile", goal, u, y, y + 0.05 * rng.normal(size=len(y)))
     with pytest.raises(InputError, match="columns 'goal', 'u' may each be the input"):
         sysid.read(path)
+
+
+def test_a_set_point_that_nothing_comes_near_leaves_it_open(tmp_path):
+    """It counts in another unit than the answer."""
+    goal, u, y = loop()
+    with pytest.raises(InputError, match="'setpoint', 'output' and 'measurement' may be a controller's"):
+        sysid.read(written(tmp_path, "setpoint,output,measurement", 10.0 * goal, u, y))
+
+
+def test_the_closest_column_is_the_answer_and_not_the_quietest(tmp_path):
+    """What a proportional controller gives out may lie near the set point too, and vary less than the answer."""
+    goal, _, _ = loop()
+    rng = np.random.default_rng(3)
+    y, u = goal + rng.normal(size=len(goal)), 16.0 + 0.6 * goal + 2.0 * rng.normal(size=len(goal))
+    found = guess(written(tmp_path, "setpoint,output,measurement", goal, u, y)).mapping
+    assert [found.input[0].column, found.output[0].column] == ["output", "measurement"]
+
+
+def test_a_second_place_that_jumps_with_the_goal_is_no_input(tmp_path):
+    goal, u, y = loop()
+    with pytest.raises(InputError, match="columns 'angle', 'position' may each be the output"):
+        sysid.read(written(tmp_path, "goal,angle,position", goal, y, u))
