@@ -59,8 +59,9 @@ def told_of_parts(plan: Plan, estimation: IOData, samples: int) -> Iterator[None
         if plan.validation is None and not plan.whole:
             found, share = f"of {samples} samples --split {plan.split:g} leaves {n} for the fit, which are", plan.split
         other = smaller(estimation)
-        remedy = f"record at least {math.ceil(error.least / share)} samples"
+        first = "lower the orders"
         if other is not None and other.name != error.structure:
-            remedy = f"give --structure {other.name}, which has {parameters(other, estimation)}, or {remedy}"
+            first = f"give --structure {other.name}, which has {parameters(other, estimation)}"
+        remedy = f"{first}, or record at least {math.ceil(error.least / share)} samples"
         what = f"the {error.parameters} free parameters of {error.structure}"
         raise InputError(f"{found} too few for {what}; {remedy}") from None

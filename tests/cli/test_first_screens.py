@@ -74,7 +74,9 @@ def test_a_repair_makes_it_usable_and_a_file_that_is_not_read_is_poor(log, capsy
 
 def test_the_problem_of_a_file_says_what_to_do(log):
     result = inspect_file("log.csv")
-    problem = SimpleNamespace(**{**vars(result), "problem": "a gap of 3 s; give --range 0:5", "command": ""})
+    problem = SimpleNamespace(
+        **{**vars(result), "problem": "a gap of 3 s; give --range 0:5", "command": "", "lack": ""}
+    )
     made = inspection.answer(problem, None)
     assert (made.word, made.sentence, made.next) == ("usable", "A gap of 3 s.", "Next: give --range 0:5")
 

@@ -51,6 +51,8 @@ def test_a_short_log_leads_to_a_structure_that_its_samples_can_hold(tmp_path, go
 
 def test_two_samples_a_parameter_are_enough_to_lead_to_a_structure(tmp_path):
     """The default has 48 parameters, and half of the record is for the fit."""
+    moving = np.r_[np.random.default_rng(0).normal(size=30), np.zeros(370)]  # in one half, with more than two levels
+    assert inspect_file(written(tmp_path, 400, u=moving)).first == ("identify",)
     for N, structure in ((192, ("--structure", "output_error")), (194, ())):
         assert inspect_file(written(tmp_path, N)).first == ("identify", *structure)
     assert inspect_file(written(tmp_path, 400, goal=True)).first == ("identify", "--structure", "servo_joint")

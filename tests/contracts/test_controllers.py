@@ -108,3 +108,12 @@ def test_a_second_place_that_jumps_with_the_goal_is_no_input(tmp_path):
     goal, u, y = loop()
     with pytest.raises(InputError, match="columns 'angle', 'position' may each be the output"):
         sysid.read(written(tmp_path, "goal,angle,position", goal, y, u))
+
+
+def test_the_answer_is_in_the_unit_of_the_set_point(tmp_path):
+    """What the heater gets may come closer to it in numbers."""
+    goal, _, _ = loop()
+    rng = np.random.default_rng(4)
+    u, y = (goal + size * rng.normal(size=len(goal)) for size in (0.1, 5.0))
+    found = guess(written(tmp_path, "setpoint [degC],heater [%],temperature [degC]", goal, u, y)).mapping
+    assert [found.input[0].column, found.output[0].column] == ["heater [%]", "temperature [degC]"]
