@@ -89,10 +89,11 @@ def test_two_columns_that_follow_the_set_point_alike_leave_it_open(tmp_path):
 
 
 def test_a_set_point_that_nothing_comes_near_leaves_it_open(tmp_path):
-    """It counts in another unit than the answer."""
-    goal, u, y = loop()
+    """What moves by a fifth of it need not be the answer, also where it is the closest by far."""
+    goal, u, _ = loop()
+    u, y = 0.01 * u, 20.0 + 0.2 * (goal - 20.0)
     with pytest.raises(InputError, match="'setpoint', 'output' and 'measurement' may be a controller's"):
-        sysid.read(written(tmp_path, "setpoint,output,measurement", 10.0 * goal, u, y))
+        sysid.read(written(tmp_path, "setpoint,output,measurement", goal, u, y))
 
 
 def test_the_closest_column_is_the_answer_and_not_the_quietest(tmp_path):
