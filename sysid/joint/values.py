@@ -14,6 +14,7 @@ from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.joint.evidence import Evidence, ValueEvidence, evidence, spread_in_words
+from sysid.joint.hidden_play import hidden_play
 from sysid.joint.physics import ends_of, slope_of, travel_of, volts_to_move, way_up
 from sysid.joint.spread import END_REACH, Spread, spread_of, structural_deviation, white_spread
 from sysid.model.chain import Chain
@@ -109,7 +110,7 @@ def joint_values(
             f"linearity is {linearity}; give the largest deviation of the sensor from a straight line, 0 or more"
         )
     readings = _readings(chain, fit.Ts, (data and data.y_unit) or "y")
-    support, dry = None, 0.0
+    support, dry, hidden = None, 0.0, np.inf
     if data is None:
         plain = white_spread(fit, level)
         rows = {name: ValueEvidence(True) for name in readings}
@@ -120,6 +121,7 @@ def joint_values(
         support = evidence(fit, data, plain)
         readings = _determined_readings(readings, support)
         dry = 0.5 * abs(readings["coulomb_up"][1](fit.theta) - readings["coulomb_down"][1](fit.theta))
+        hidden = hidden_play(fit, data) if any(test.met for test in support.stops.values()) else np.inf
         rows = {name: _check_precision(name, _evidence_of(name, support), readings, plain, dry) for name in readings}
     way, factor = _stroke(chain, fit.theta, data), float(norm.ppf(0.5 + level / 2))
     values = []
@@ -141,6 +143,7 @@ def joint_values(
             if support is not None and not complete:
                 friction = dry / readings["kp"][1](fit.theta) if name == "dead" else dry
                 value, lacks = _record_correction(name, value, support, way, fit.Ts, friction)
+                lacks = min(lacks, 0.5 * hidden) if name in support.stops else lacks
                 lacks = float(np.hypot(lacks, _play_half_width(chain, fit.theta) if name in support.stops else 0.0))
                 half = 0.0 if name in support.breakaway else half  # which the agreement with the starts includes
             half = float(np.sqrt(half**2 + (factor * off_line) ** 2 + (factor * lacks) ** 2))
