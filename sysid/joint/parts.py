@@ -35,7 +35,7 @@ WORDS: dict[type, dict[str, str]] = {
         "loss": "friction proportional to the load",
         "jam": "jamming at a struck stop",
     },
-    ServoMotor: {"sag": "sagging of the supply", "dead": "dead band around the goal"},
+    ServoMotor: {"sag": "sagging of the supply", "dead": "dead band from whose edge the error counts"},
     Play: {"width": "backlash"},
     CoastingPlay: {"width": "backlash"},
 }
