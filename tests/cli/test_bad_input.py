@@ -87,7 +87,7 @@ CASES: dict[str, tuple[list[str], list[str]]] = {
     "constant output": (["constant_y.csv", "--ts", "1"], ["constant_y.csv", "output 'y' is 2.5", "200 samples"]),
     "still while fitted": (["still_start.csv", "--ts", "1", "--split", "0.5"], ["still_start.csv", "one of the two"]),
     "still while scored": (["still_end.csv", "--ts", "1"], ["still_end.csv", "output", "validation part"]),
-    "too short": (["short.csv", "--ts", "1"], ["short.csv", "too few", "give --structure output_error"]),
+    "too short": (["short.csv", "--ts", "1"], ["short.csv", "too few", "give --structure process"]),
     "one row": (["one.csv", "--ts", "1"], ["one.csv", "at least 2"]),
     "gap in time": (["gap.csv", *TIMED], ["gap.csv, row 52, column 't'", "0.2 s", "0.1 s", "1%"]),
     "time runs back": (["back.csv", *TIMED], ["back.csv, row 52, column 't'", "1 s after 4.9 s", "increase"]),
