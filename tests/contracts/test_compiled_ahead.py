@@ -13,9 +13,14 @@ from numba import typeof
 from numba.core.caching import NullCache
 
 from sysid.base import compiled
+from sysid.base.errors import InputError
 from sysid.block import ahead, kernels
+from sysid.block.block import Block
 from sysid.blocks import Motor, dynamic
 from sysid.structures import ActuatedJoint
+from sysid.workflow.identification import identify_file
+from sysid.workflow.setting import Setting
+from twin.cli import main
 
 TEXT = "def step(s, x, p):\n    s.a = {} * s.a + p.g * x\n    return s.a\n"
 
@@ -65,7 +70,7 @@ def test_a_process_starts_with_the_blocks_and_only_one_at_a_time(block):
 
 def test_what_it_does_leaves_nothing_to_start_for(block, monkeypatch):
     monkeypatch.setattr(sys, "argv", ["-c", "1"])
-    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(pickle.dumps((block,)))))
+    monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=io.BytesIO(pickle.dumps(("no block", block)))))
     calls = []
     for name in ("end_with", "leave_to_others"):
         monkeypatch.setattr(ahead, name, lambda *given, name=name: calls.append((name, *given)))
@@ -110,26 +115,40 @@ def test_a_process_that_cannot_start_is_no_trouble(block, monkeypatch):
 
 def test_the_process_itself_fills_the_cache_and_is_over_with_its_parent(tmp_path):
     code = (
-        "import sys; from sysid.block import ahead; from sysid.block.kernels import all_pole; import numpy as np\n"
-        "from sysid.blocks import TransferFunction\n"
+        "from sysid.block import ahead\nfrom sysid.blocks import Saturation, TransferFunction\n"
         "ahead.available_cores = lambda: 2\n"
-        "ahead.compile_ahead([TransferFunction(nb=1, nf=1, nk=0)])\n"
-        "(process,) = ahead._begun\n"
-        "if sys.argv[1] == 'waits': print(process.wait())\n"
-        "else: print(process.pid)\n"
+        "ahead.compile_ahead([Saturation()])\nprint(ahead._begun[0].wait())\n"
+        "ahead.compile_ahead([TransferFunction(nb=1, nf=1, nk=0)])\nprint(ahead._begun[0].pid)\n"
     )
     env = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
-
-    def run(how: str) -> str:
-        command = [sys.executable, "-c", code, how]
-        return subprocess.run(command, env=env, capture_output=True, text=True, check=True).stdout.strip()
-
-    left = int(run("leaves"))
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    ended, left = map(int, done.stdout.split())
+    assert ended == 0
+    assert list(tmp_path.rglob("*.value*.nbc"))
     with pytest.raises(ProcessLookupError):
         os.kill(left, 0)
-    assert run("waits") == "0"
-    assert list(tmp_path.rglob("kernels.filter_piece*.nbc"))
-    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_a_fit_of_a_file_begins_with_it_before_anything_is_read(monkeypatch):
+    told = []
+    monkeypatch.setattr("sysid.workflow.identification.compile_ahead", told.append)
+    recipe = ActuatedJoint(load="none")
+    with pytest.raises(InputError):
+        identify_file("no such file.csv", Setting(recipe))
+    assert told == [recipe.blocks_to_compile()]
+
+
+@pytest.mark.parametrize(
+    ("words", "count"), [(["--structure", "actuated-joint"], 1), ([], 1), (["--structure", "auto"], 0)]
+)
+def test_the_command_begins_with_it_before_the_rest_of_the_program_is_loaded(words, count, monkeypatch):
+    told = []
+    monkeypatch.setattr(ahead, "compile_ahead", told.append)
+    monkeypatch.setattr("twin.cli.identify._frequency_data", lambda *_, **__: pytest.fail("too late"))
+    with pytest.raises(pytest.fail.Exception):
+        main(["identify", "no such file.csv", *words])
+    assert len(told) == count
+    assert all(isinstance(b, Block) for blocks in told for b in blocks)
 
 
 def test_a_fork_of_the_process_does_not_end_its_second_one():
