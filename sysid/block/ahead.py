@@ -29,12 +29,14 @@ _begun: list[subprocess.Popen] = []
 def compile_ahead(blocks: Sequence[Block]) -> None:
     """Starts a process that compiles the loops of these blocks in turn, where one of them is missing on the disk.
 
-    It ends with this process, at the latest. Nothing starts on one core, without locks or a place for a cache, or while
-    an earlier one is at work, nor where nothing may be compiled.
+    It ends with this process, at the latest. Nothing starts where no second core is free, without locks or a place for
+    a cache, or while an earlier one is at work, nor where nothing may be compiled.
     """
     if (
-        refuses()
+        not blocks
+        or refuses()
         or available_cores() < 2
+        or _is_busy()
         or not importlib.util.find_spec("fcntl")
         or any(p.poll() is None for p in _begun)
     ):
@@ -64,6 +66,13 @@ def main() -> None:
     gc.disable()  # a tenth of the time; it lives for seconds
     for block in pickle.load(sys.stdin.buffer):  # of the process that started this one
         _compile(block)
+
+
+def _is_busy() -> bool:
+    """Whether all cores of the machine have had work for the last minute."""
+    with suppress(OSError, AttributeError):  # Windows, or a system that does not tell
+        return os.getloadavg()[0] >= (os.cpu_count() or 1)
+    return False
 
 
 def _compile(block: Block) -> None:

@@ -49,6 +49,7 @@ class Block(ABC):
     role: str = field(default="block", kw_only=True)
     centred: ClassVar[bool] = False  # whether a fit takes the means off its signals, see `sysid.model.transforms`
     predicts: ClassVar[bool] = False  # whether it predicts measured outputs where it is the last of a chain
+    compiles_long: ClassVar[bool] = False  # whether its loops take several times as long as a new process to start
 
     def __getstate__(self) -> dict[str, Any]:
         """Its fields: compiled kernels are made anew where a copy or another process needs them."""

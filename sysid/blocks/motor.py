@@ -145,6 +145,7 @@ class Motor(Recursion):
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
         **ABSENT,
     }
+    compiles_long: ClassVar = True
     rare: ClassVar = tuple(f"has_{part}" for part in TABLE)
 
     load: int = 1

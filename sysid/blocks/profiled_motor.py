@@ -111,6 +111,7 @@ class ProfiledMotor(Recursion):
     taken.
     """
 
+    compiles_long: ClassVar = True
     functions: ClassVar = {"step": step, "begin": begin}
     absent: ClassVar = {"delay": 0.0}
 

@@ -98,8 +98,9 @@ class Recipe(ABC):
         return self.model()
 
     def blocks_to_compile(self) -> tuple[Block, ...]:
-        """Blocks that a fit surely runs, those that compile longest first."""
-        return tuple(getattr(self.model(), "blocks", ()))
+        """Blocks whose loops a fit surely runs, those that compile long first; none where no block does."""
+        blocks = sorted(getattr(self.model(), "blocks", ()), key=lambda block: not block.compiles_long)
+        return tuple(blocks) if blocks and blocks[0].compiles_long else ()
 
     def scaled(self, y: float) -> "Recipe":
         """The same where settings are in a unit of the output that is `y` times the record's, as a file's degrees are.

@@ -149,8 +149,7 @@ class ActuatedJoint(Recipe):
 
     def blocks_to_compile(self) -> tuple[Block, ...]:
         """With the backlash that is tried, and the general model beside which a joint is judged."""
-        blocks = sorted(super().blocks_to_compile(), key=lambda block: block.role != "motor")
-        return (*blocks, CoastingPlay(), *HammersteinWiener().blocks_to_compile())
+        return (*super().blocks_to_compile(), CoastingPlay(), *HammersteinWiener().model().blocks)
 
     def model_of(self, data: IOData) -> Chain:
         """With 360 for a turn of a periodic load where the record is in degrees."""

@@ -17,7 +17,7 @@ from sysid.base.errors import InputError
 from sysid.block import ahead, kernels
 from sysid.block.block import Block
 from sysid.blocks import Motor, dynamic
-from sysid.structures import ActuatedJoint
+from sysid.structures import TABLE, ActuatedJoint
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from twin.cli import main
@@ -48,6 +48,8 @@ def block(tmp_path, monkeypatch):
     monkeypatch.setattr("numba.core.config.CACHE_DIR", str(tmp_path / "loops"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(ahead, "available_cores", lambda: 2)
+    monkeypatch.setattr(ahead.os, "getloadavg", lambda: (0.0, 9.0, 9.0))
+    monkeypatch.setattr(ahead.os, "cpu_count", lambda: 4)
     monkeypatch.setattr(ahead.subprocess, "Popen", Process)
     monkeypatch.setattr(ahead, "_begun", [])
     monkeypatch.setattr(ahead.atexit, "register", lambda *_: None)
@@ -91,6 +93,9 @@ def test_nothing_starts_where_it_would_be_of_no_use(block, monkeypatch):
     with monkeypatch.context() as m:
         m.setattr(ahead, "available_cores", lambda: 1)
         ahead.compile_ahead([block])
+    with monkeypatch.context() as m:
+        m.setattr(ahead.os, "getloadavg", lambda: (4.0, 0.0, 0.0))
+        ahead.compile_ahead([block])
     with monkeypatch.context() as m:  # Windows: no locks
         m.setattr(ahead.importlib.util, "find_spec", lambda name: None if name == "fcntl" else 1)
         ahead.compile_ahead([block])
@@ -116,7 +121,7 @@ def test_a_process_that_cannot_start_is_no_trouble(block, monkeypatch):
 def test_the_process_itself_fills_the_cache_and_is_over_with_its_parent(tmp_path):
     code = (
         "from sysid.block import ahead\nfrom sysid.blocks import Saturation, TransferFunction\n"
-        "ahead.available_cores = lambda: 2\n"
+        "ahead.available_cores, ahead._is_busy = lambda: 2, lambda: False\n"
         "ahead.compile_ahead([Saturation()])\nprint(ahead._begun[0].wait())\n"
         "ahead.compile_ahead([TransferFunction(nb=1, nf=1, nk=0)])\nprint(ahead._begun[0].pid)\n"
     )
@@ -149,6 +154,12 @@ def test_the_command_begins_with_it_before_the_rest_of_the_program_is_loaded(wor
         main(["identify", "no such file.csv", *words])
     assert len(told) == count
     assert all(isinstance(b, Block) for blocks in told for b in blocks)
+
+
+@pytest.mark.parametrize(("name", "long"), [("process", False), ("nlarx", False), ("servo_joint", True)])
+def test_only_structures_that_compile_for_long_ask_for_it(name, long):
+    blocks = TABLE[name]().blocks_to_compile()
+    assert [b.role for b in blocks[:1]] == ["motor"] * long
 
 
 def test_a_fork_of_the_process_does_not_end_its_second_one():
