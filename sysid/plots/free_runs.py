@@ -225,10 +225,11 @@ def error_panel(
 
 def _error_axis(measured: np.ndarray, runs: Sequence[np.ndarray], y: Quantity) -> Axis:
     """The axis of errors; where a run leaves the data far, it opens on as much as the data's own range."""
+    error = replace(y, name="error")
     if all(departure(measured, run) is None for run in runs):
-        return Axis.of(y)
+        return Axis.of(error)
     low, high = frame(scaled(measured, y.factor))
-    return Axis.of(y, near=(0.5 * (low - high), 0.5 * (high - low)))
+    return Axis.of(error, near=(0.5 * (low - high), 0.5 * (high - low)))
 
 
 def runs_figure(

@@ -260,6 +260,10 @@ def test_what_identify_said_against_a_model_goes_with_its_file(joint, tmp_path, 
     assert not any("word on the input map" in text for text in found["warnings"])
     assert main(["export", "model.json", "--matlab", "--out", "out2"]) == 0
     assert "Do NOT use this model: the free run fits" in " ".join(capsys.readouterr().out.split())
+    (tmp_path / "plain").mkdir()
+    export(_evaluation(fit, (), 80.0, -66.2), tmp_path / "plain")
+    assert main(["export", "plain/model.json", "--matlab", "--out", "out3"]) == 0
+    assert capsys.readouterr().out.count("NOT use this model") == 1
     good = _evaluation(fit, notes[1:], 99.0, 98.0)
     (tmp_path / "good").mkdir()
     export(good, tmp_path / "good")

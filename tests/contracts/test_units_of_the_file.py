@@ -71,7 +71,7 @@ def test_a_figure_is_in_the_units_of_the_table_beside_it(tmp_path):
         log(tmp_path / "a.csv", "t [s],coil [mV],place [cm]"), Setting(OutputError(1, 1, 1), starts=1)
     )
     labels = {panel.y.label for panel in run_figure(result.evaluation).panels}
-    assert labels == {"place [cm]"}
+    assert labels == {"place [cm]", "error [cm]"}
     y = channels(result.record.data)[1].of(result.record.data)
     assert np.ptp(y) == pytest.approx(100.0 * np.ptp(result.record.data.y))
 

@@ -98,4 +98,6 @@ def export(
         page = report.page(result, str(folder))
         write(scratch, page, result.as_dict())
     tables = report.tables(result) if len(result.files) > MOST else []  # else the answer has them
-    console.finish(folder, result.as_dict(), as_json, tables, report.sentences(result), page.answer)
+    first = "" if page.answer is None else page.answer.sentence  # which is said above
+    sentences = [said for said in report.sentences(result) if said != first]
+    console.finish(folder, result.as_dict(), as_json, tables, sentences, page.answer)
