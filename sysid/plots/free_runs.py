@@ -223,9 +223,11 @@ def error_panel(
     )
 
 
-def _error_axis(measured: np.ndarray, runs: Sequence[np.ndarray], y: Quantity) -> Axis:
-    """The axis of errors; where a run leaves the data far, it opens on as much as the data's own range."""
-    error = replace(y, name="error")
+def _error_axis(measured: np.ndarray, runs: Sequence[np.ndarray], y: Quantity, alone: bool = True) -> Axis:
+    """The axis of errors, with the name of an output that is not `alone`; where a run leaves the data far, it opens on
+    as much as the data's own range.
+    """
+    error = replace(y, name="error" if alone else y.name)
     if all(departure(measured, run) is None for run in runs):
         return Axis.of(error)
     low, high = frame(scaled(measured, y.factor))
@@ -260,7 +262,7 @@ def runs_figure(
                 runs.items(), [line.colour for line in run_panels[-1].lines()[1:]], strict=True
             )
         ]
-        axis = _error_axis(y, list(runs.values()), c.quantity)
+        axis = _error_axis(y, list(runs.values()), c.quantity, data.y.shape[1] == 1)
         error_panels.append(Panel(errors, axis, Axis.time(), f"error, {measured} minus {model_name}", 0.8))
         sentences += _departures(y, runs, data.Ts, c.quantity)
     panels, marks = [*run_panels, *error_panels, *input_panels], borders(data.lengths, data.Ts)
