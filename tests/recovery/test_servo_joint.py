@@ -132,7 +132,7 @@ def test_a_record_that_reaches_full_duty_gives_every_value():
 def of_dead_band(dead, kp=4.0, speed=6.0, lag=0.05, dry=0.03, Ts=0.01, parts=20):
     """Goal and angle of a servo whose loop acts on what the error exceeds its band by, by plain steps of time."""
     rng, h = np.random.default_rng(5), Ts / parts
-    goal = np.repeat(rng.uniform(-1.2, 1.2, 24), rng.integers(30, 70, 24))
+    goal = np.repeat(rng.uniform(-1.2, 1.2, 40), rng.integers(30, 70, 40))
     x, v, y = float(goal[0]), 0.0, np.zeros(len(goal))
     for t, wanted in enumerate(goal):
         y[t] = x
