@@ -117,7 +117,7 @@ def test_a_file_that_is_refused_brings_the_repair_that_reads_it(folder, capsys):
 def test_a_long_gap_is_refused_and_a_range_reads_one_piece(folder, capsys):
     found = run(["info", "gap.csv"], capsys, code=1)
     assert "row 102, column 't'" in found["problem"]
-    assert "--range 0:1.98 or 2.8:7.98" in found["problem"]
+    assert found["problem"].endswith("with --range 2.8:7.98")
     piece = run(["info", "gap.csv", "--range", "2.8:7.98"], capsys)
     assert piece["sampling"]["samples"] == 260
     assert piece["next"] == "qpal identify gap.csv --range 2.8:7.98"
