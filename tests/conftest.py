@@ -77,7 +77,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """A run of the whole suite takes the cases of one day; its workers take those of the same."""
+    """A run without names takes the tests of one day; its workers take those of the same."""
     whole = config.args_source is pytest.Config.ArgsSource.TESTPATHS and not config.option.keyword
     today = int(os.environ.get("QPAL_DAY") or datetime.date.today().toordinal())
     workerinput = getattr(config, "workerinput", None)
@@ -92,8 +92,8 @@ def pytest_configure_node(node: Any) -> None:
 
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The nightly list is skipped by default, and of large families the cases of other days; every worker of xdist
-    begins with long tests, so that none idles."""
+    """The nightly list is skipped by default, the tests of other days are left out of a run without names; every worker
+    of xdist begins with long tests, so that none idles."""
     if (day := config.stash[DAY]) is not None:
         items[:], others = of_the_day(items, lambda item: item.nodeid.partition("[")[0], day)
         config.hook.pytest_deselected(items=others)

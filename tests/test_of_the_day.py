@@ -1,4 +1,4 @@
-"""Which cases of a family run on which day."""
+"""Which tests and cases run on which day."""
 
 import os
 import shutil
@@ -7,26 +7,30 @@ import sys
 from pathlib import Path
 
 import pytest
-from of_the_day import CASES, of_the_day
+from of_the_day import CASES, DAYS, of_the_day
 
-FAMILIES = {"a": 1, "b": CASES, "c": CASES + 1, "d": 5 * CASES + 3, "e": 590}
-ITEMS = [(name, number) for name, size in FAMILIES.items() for number in range(size)]
+SIZES = {"a": 1, "b": CASES, "c": DAYS * CASES + 1, "d": 590} | {f"single{k}": 1 for k in range(200)}
+ITEMS = [(name, number) for name, size in SIZES.items() for number in range(size)]
 
 
-def test_a_small_family_runs_every_day_and_a_large_one_in_parts():
-    for day in (0, 1, 20_000):
-        today, others = of_the_day(ITEMS, lambda item: item[0], day)
-        assert sorted(today + others) == sorted(ITEMS)
-        counts = {name: sum(item[0] == name for item in today) for name in FAMILIES}
-        assert counts["a"] == 1
-        assert counts["b"] == CASES
-        assert all(CASES // 2 <= count <= CASES for name, count in counts.items() if name in "cde")
+@pytest.mark.parametrize("day", [0, 1, 20_000])
+def test_a_day_has_half_of_all_and_no_more_than_some_cases_of_a_test(day):
+    today, others = of_the_day(ITEMS, lambda item: item[0], day)
+    assert sorted(today + others) == sorted(ITEMS)
+    assert today == [item for item in ITEMS if item in today]
+    counts = {name: sum(item[0] == name for item in today) for name in SIZES}
+    assert counts["b"] == CASES // DAYS
+    assert CASES // 2 <= counts["c"] <= CASES
+    assert CASES // 2 <= counts["d"] <= CASES
+    assert 70 < sum(counts[f"single{k}"] for k in range(200)) < 130
 
 
 def test_days_in_turn_run_every_case():
-    days = -(-max(FAMILIES.values()) // CASES)
-    seen = {item for day in range(days) for item in of_the_day(ITEMS, lambda item: item[0], day)[0]}
-    assert seen == set(ITEMS)
+    def days(n):
+        return {item for day in range(3, 3 + n) for item in of_the_day(ITEMS, lambda item: item[0], day)[0]}
+
+    assert days(-(-590 // CASES)) == set(ITEMS)
+    assert {item for item in ITEMS if item[0] != "d"} - days(DAYS + 1) == set()
 
 
 FAMILY = """
