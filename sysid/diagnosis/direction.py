@@ -56,7 +56,8 @@ def _slope(data: IOData, y: np.ndarray, w: int) -> float | None:
             continue
         sums = np.concatenate([[0.0], np.cumsum(e.u[:, 0])])
         rows.append(np.column_stack([np.ones(len(ends)), output[ends], (sums[ends + w] - sums[ends]) / w]))
-        change.append(output[ends + w] - output[ends])
+        with np.errstate(invalid="ignore"):  # of a run that is not finite, which does not count
+            change.append(output[ends + w] - output[ends])
     if not rows:
         return None
     X, d = np.concatenate(rows), np.concatenate(change)

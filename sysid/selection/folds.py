@@ -68,9 +68,11 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
     """The record in two parts, each fitted while the other is unseen.
 
     The parts are contiguous halves where both meet all levels and ends of the record, else as few interleaved blocks
-    as let them; whole experiments are blocks. Raises InputError for a record that is too short to be halved.
+    as let them; whole experiments are blocks. The input moves in both. Raises InputError for a record that cannot be
+    halved so.
     """
     best: tuple[float, tuple[Fold, Fold]] | None = None
+    stands_still = False
     marks = _marks(data)
     for count in COUNTS:
         cuts = _cuts(data, count)
@@ -82,9 +84,17 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
         costs = [_coverage_loss(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
         for k in np.argsort(costs, kind="stable")[:_CLOSE]:
             pair = _pair(_merge_blocks(data, cuts, choices[k]), _merge_blocks(data, cuts, ~choices[k]))
+            if not all(_moves(fold.estimation) for fold in pair):
+                stands_still = True
+                continue
             cost = costs[k] + float(np.mean([fold.lost for fold in pair]))
             if best is None or cost < best[0] - 1e-12:
                 best = cost, pair
+    if best is None and stands_still:
+        raise InputError(
+            f"structures are judged on a part of the {data.N} samples that they were not fitted to, and the input "
+            "moves too rarely for two such parts; name a structure, a process for example, or record more changes"
+        )
     if best is None:
         raise InputError(f"the record has {data.N} samples in {len(data.lengths)} experiment(s); give a longer one")
     return best[1]
@@ -110,6 +120,10 @@ def folds_of_other_kinds(data: IOData) -> tuple[Fold, ...]:
         is_low[np.argsort(value, kind="stable")[: len(cuts) // 2]] = True
         kinds += _pair(_merge_blocks(data, cuts, is_low), _merge_blocks(data, cuts, ~is_low))
     return tuple(kinds)
+
+
+def _moves(data: IOData) -> bool:
+    return any(np.ptp(e.u, axis=0).any() for e in data.experiments)
 
 
 def _pair(first: IOData, second: IOData) -> tuple[Fold, Fold]:

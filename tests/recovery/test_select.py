@@ -153,6 +153,17 @@ def test_a_record_whose_halves_show_the_same_is_halved_and_experiments_stay_apar
     assert [fold.unseen.lengths for fold in folds(two)] == [(800,), (800,)]
 
 
+def test_the_input_moves_in_both_parts_or_the_search_is_refused():
+    """Parts at rest would say of every structure that it knows nothing, and of the right one the least."""
+    u = np.repeat([0.8, 0.6, 0.8], [250, 300, 50])
+    early = sysid.IOData(u, lfilter([0, 0.1], [1, -0.95], u), 1.0)
+    for fold in folds(early):
+        assert max(np.ptp(e.u) for e in fold.estimation.experiments) > 0
+    once = sysid.IOData(np.repeat([0.8, 0.6], [250, 350]), early.y, 1.0)
+    with pytest.raises(sysid.InputError, match="the input moves too rarely for two such parts; name a structure"):
+        folds(once)
+
+
 def joint_record(N=1000, seed=0):
     """A motor between two stops, driven back and forth, on a scale whose means are not zero."""
     chain = sysid.structures.actuated_joint(knots=2, play=False)

@@ -59,7 +59,9 @@ class Processes(Start):
             for steady, places in found.items():
                 places += _places(replace(block, Ts=block.Ts * ratio), part_u, part_y, held, steady)
         if not found[False]:
-            raise InputError("no time constant of the grid suits this record; give fit() a start")
+            raise InputError(
+                "the input does not change, so that no time constant shows; record its changes, or give fit() a start"
+            )
         best = [_apart(sorted(places, key=lambda place: place.left), count) for places in found.values()]
         places = [place for pair in zip_longest(*best) for place in pair if place is not None][:count]
         points = [_point(chain, block, place, u, y) for place in places]
