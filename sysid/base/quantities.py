@@ -81,6 +81,7 @@ def of_place(y: str) -> str:
     return y.removesuffix("/s")
 
 
+_ROUNDING = 1e-13  # of a number: a width below it is that of the arithmetic
 SHARE = "share"  # the unit of a number that its file has in per cent: stored as a part of 1, shown as it was
 
 
@@ -116,6 +117,31 @@ def number(value: float | None, digits: int = 4) -> str:
         mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
         text = f"{mantissa}e{int(exponent)}"
     return text.replace("-", "−")
+
+
+def estimate(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A value and the ends of its interval, with the digits that the interval means: two significant ones of its half
+    width, as for an uncertainty (JCGM 100:2008, 7.2.6); four of each where the interval has no width or no end.
+    """
+    ends, numbers = [x for x in (low, high) if math.isfinite(x)], (value, low, high)
+    half = 0.5 * (high - low) if len(ends) == 2 else max((abs(x - value) for x in ends), default=0.0)
+    largest = max((abs(x) for x in (value, *ends)), default=0.0)
+    if not (math.isfinite(value) and half > _ROUNDING * largest):
+        first, second, third = (number(x) for x in numbers)
+        return first, second, third
+    last = math.floor(math.log10(float(f"{half:.1e}"))) - 1  # power of ten of the last digit
+    first, second, third = (_to_place(x, last, largest) for x in numbers)
+    return first, second, third
+
+
+def _to_place(value: float, last: int, largest: float) -> str:
+    """A number to the power of ten `last`, beside others up to `largest`."""
+    if not math.isfinite(value):
+        return number(value)
+    if 1e-4 <= largest < 1e6:
+        return f"{round(value, -last):z.{max(-last, 0)}f}".replace("-", "−")
+    value = round(value, -last)
+    return number(value, max(math.floor(math.log10(abs(value))) - last + 1, 1)) if value else "0"
 
 
 def percent(value: float) -> str:

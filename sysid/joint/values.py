@@ -65,9 +65,12 @@ class JointValue:
 
     def __str__(self) -> str:
         """Value, interval and unit as people read them."""
-        shown, number = displayed_value(self), quantities.number
-        span = "" if shown.low is None or shown.high is None else f" ({number(shown.low)} to {number(shown.high)})"
-        return f"{WORDS.get(self.name, self.name)}: {number(shown.value)}{span} {shown.unit}".rstrip()
+        shown = displayed_value(self)
+        text, span = quantities.number(shown.value), ""
+        if shown.low is not None and shown.high is not None:
+            text, *ends = quantities.estimate(shown.value, shown.low, shown.high)
+            span = f" ({' to '.join(ends)})"
+        return f"{WORDS.get(self.name, self.name)}: {text}{span} {shown.unit}".rstrip()
 
 
 @checked(late=True)
@@ -243,9 +246,9 @@ def _readings(chain: Chain, Ts: float, y: str) -> dict[str, Reading]:
         readings = {
             "speed_full_drive": (quantities.rate(y, "s"), lambda theta: speed(theta) * of("limit")(theta), -np.inf)
         } | readings
-        readings["kp"] = (f"{volts}/{y}", of("kp"), 0.0)
+        readings["kp"] = (quantities.ratio(volts, y), of("kp"), 0.0)
         if f"{motor.role}.kd" in chain.names:
-            readings["kd"] = (f"{volts} s/{y}", lambda theta: of("kd")(theta) * Ts, 0.0)
+            readings["kd"] = (quantities.ratio(f"{volts} s", y), lambda theta: of("kd")(theta) * Ts, 0.0)
         if isinstance(motor, ServoMotor) and motor.dead:
             readings["dead"] = (y, of("dead"), 0.0)
     if motor.delayed:

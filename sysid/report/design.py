@@ -17,7 +17,7 @@ from sysid.joint.values import JointValue, distinct_values
 from sysid.plots.records import Signal, stack_figure
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Page, Picture, Section
-from sysid.report.sections import WORDS, decimals, value_cells
+from sysid.report.sections import WORDS, value_cells
 from sysid.workflow.design import Proposal
 
 COLOURS = (style.MODEL, *style.COLOURS[2:4])
@@ -195,7 +195,7 @@ def _half(value: JointValue | None, otherwise: str) -> str:
     if value is None or value.low is None or value.high is None:
         return otherwise
     half = 0.5 * (value.high - value.low) * display_quantity(value.name, value.unit).factor
-    return f"± {half:.{decimals(half)}f}"
+    return f"± {number(half, 2)}"
 
 
 def experiment_figure(d: Design, u_name: str = "input u", y_name: str = "y") -> Figure:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.base.quantities import number
+from sysid.base.quantities import estimate, number
 from sysid.estimation.result import Fit
 from sysid.model.tangents import steady_curve, tangent
 from sysid.report import figures, sections
@@ -51,8 +51,10 @@ def gain_rows(e: Evaluation) -> list[tuple[str, ...]]:
     elif _known(mean := _mean(e, low, high)) and (not _known(middle) or middle.lower <= mean.value <= middle.upper):
         name, shown = f"mean gain, {u.name} {told(low)} to {told(high)} {u.unit}".rstrip(), mean
     q = y.per(u)
-    limits = f"{number(q.factor * shown.lower)} to {number(q.factor * shown.upper)}"
-    return [(name, number(q.factor * shown.value), limits if _known(shown) else sections.NOT_KNOWN, q.unit)]
+    if not _known(shown):
+        return [(name, number(q.factor * shown.value), sections.NOT_KNOWN, q.unit)]
+    value, *ends = estimate(*(q.factor * x for x in (shown.value, shown.lower, shown.upper)))
+    return [(name, value, " to ".join(ends), q.unit)]
 
 
 def _known(found: Interval) -> bool:

@@ -175,8 +175,7 @@ def _lasting(e: Evaluation) -> list[tuple[str, ...]]:
         return []
     roots = [r for r in e.roots or () if r.value.imag >= 0 < r.value.real and 0 < r.time_constant.std < np.inf]
     roots = sorted((r for r in roots if r.time_constant.upper < np.inf), key=lambda r: -r.time_constant.value)
-    rows = [(number(r.time_constant.value, 3), sections.time_interval(r)) for r in roots[:SLOWEST]]
-    return [("time constant", *row, "s") for row in rows]
+    return [("time constant", *sections.lasting(r), "s") for r in roots[:SLOWEST]]
 
 
 def _errors(e: Evaluation) -> list[tuple[str, ...]]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from sysid.base import style
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, estimate, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.joint.parts import PartEvidence
 from sysid.joint.values import JointValue, distinct_values
@@ -101,7 +101,9 @@ def _meaning(v: JointValue) -> str:
     """The value in full, for a hover."""
     quantity = display_quantity(v.name, v.unit)
     unit, factor = quantity.unit, quantity.factor
-    words = f"<b>{WORDS.get(v.name, v.name)}</b><br>{number(v.value * factor, 4)} {unit}".rstrip()
+    name = f"<b>{WORDS.get(v.name, v.name)}</b>"
     if v.low is None or v.high is None:
-        return f"{words}<br>not determined: {v.why or 'this record does not show it'}"
-    return f"{words}<br>95 % interval {number(v.low * factor, 4)} to {number(v.high * factor, 4)} {unit}".rstrip()
+        found = f"{name}<br>{number(v.value * factor, 4)} {unit}".rstrip()
+        return f"{found}<br>not determined: {v.why or 'this record does not show it'}"
+    value, low, high = estimate(*(factor * x for x in (v.value, v.low, v.high)))
+    return f"{f'{name}<br>{value} {unit}'.rstrip()}<br>95 % interval {low} to {high} {unit}".rstrip()

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base.criteria import TABLE as CRITERIA
 from sysid.base.poles import time_constant
-from sysid.base.quantities import SHARE, capital, display_quantity, number, percent, pole
+from sysid.base.quantities import SHARE, capital, display_quantity, estimate, number, percent, pole
 from sysid.estimation.origin import ONE_STEP
 from sysid.joint.values import WORDS, JointValue, distinct_values
 from sysid.plots.responses import note_sentences
@@ -51,16 +51,10 @@ def value_cells(v: JointValue) -> tuple[str, str, str]:
         return number(None), said.removesuffix(f" {unit}") if said.startswith("below") else said, unit
     if v.low is None or v.high is None:
         return number(v.value * factor, 4), NOT_KNOWN, unit
-    digits = max(decimals(v.high * factor - v.low * factor), decimals(v.value * factor) if v.value else 0)
     if v.low == v.high == v.value:
         return number(v.value * factor, 4), FIXED, unit
-    value, low, high = (fixed_point(x * factor, digits) for x in (v.value, v.low, v.high))
+    value, low, high = estimate(*(x * factor for x in (v.value, v.low, v.high)))
     return value, f"{low} to {high}", unit
-
-
-def fixed_point(value: float, digits: int) -> str:
-    """A number with `digits` decimals."""
-    return f"{value:z.{digits}f}".replace("-", "−")
 
 
 def undetermined_in_words(evaluation: Evaluation) -> str:
@@ -90,11 +84,6 @@ def _shown_at_rest(evaluation: Evaluation, name: str) -> str:
     return " (above the moving friction, but not by how much)" if is_shown else ""
 
 
-def decimals(width: float) -> int:
-    """Number of decimals that shows two significant figures of a number of this size."""
-    return int(np.clip(2 - np.ceil(np.log10(abs(width))), 0, 6)) if np.isfinite(width) and width else 4
-
-
 def pole_grid(evaluation: Evaluation) -> Grid | None:
     """Poles with 95 % intervals of modulus and time constant, then zeros; None if there is no linear block."""
     if not evaluation.linear:
@@ -105,10 +94,8 @@ def pole_grid(evaluation: Evaluation) -> Grid | None:
         (
             "pole",
             pole_exact(z),
-            number(abs(z), 5),
-            _range_text(r.modulus if r else None),
-            number(lasting, 3) if np.isfinite(lasting := time_constant(abs(z), Ts)) else "–",
-            time_interval(r),
+            *_size(abs(z), r.modulus if r else None),
+            *_size(time_constant(abs(z), Ts), r.time_constant if r else None),
         )
         for z, r in zip(evaluation.poles.tolist(), roots, strict=True)
     ]
@@ -132,18 +119,20 @@ def intervals_in_words(evaluation: Evaluation) -> str:
     return " ".join([words, *(words for note in notes for words in note_sentences("a pole", note))])
 
 
-def _range_text(interval: Interval | None, digits: int = 4) -> str:
-    """The interval of a non-negative quantity."""
+def _size(value: float, interval: Interval | None) -> tuple[str, str]:
+    """A quantity that is not negative, and its interval."""
+    text = number(value) if np.isfinite(value) else "–"
     if interval is None or not np.isfinite(interval.std):
-        return "not known"
+        return text, "not known"
     if interval.std == 0.0:
-        return FIXED
-    return f"{number(max(interval.lower, 0.0), digits)} to {number(interval.upper, digits)}"
+        return text, FIXED
+    found, low, high = estimate(value, max(interval.lower, 0.0), interval.upper)
+    return found if np.isfinite(value) else "–", f"{low} to {high}"
 
 
-def time_interval(root: Root | None) -> str:
-    """The interval of the time constant of a root [s]."""
-    return "not known" if root is None else _range_text(root.time_constant, 3)
+def lasting(root: Root) -> tuple[str, str]:
+    """The time constant of a root [s], and its interval."""
+    return _size(root.time_constant.value, root.time_constant)
 
 
 def pole_exact(z: complex) -> str:

@@ -22,6 +22,7 @@ from sysid.plots.records import parts_figure, record_figure
 from sysid.report import figures, glossary, identify, identify_answer, page, verdict
 from sysid.report.answer import WORDS, Answer
 from sysid.report.page import Grid, Page, Picture, Section
+from sysid.report.sections import pole_grid
 from sysid.structures import HammersteinWiener, NonlinearArx
 from sysid.workflow.identification import identify_file
 from sysid.workflow.saved import Exports
@@ -260,6 +261,23 @@ def test_the_first_screen_has_few_words_one_picture_and_at_most_five_values(read
 def result_rows(result):
     (table,) = first_of(result).tables
     return table.rows
+
+
+def half_width(text):
+    low, high = (float(part) for part in text.split(" to "))
+    return 0.5 * (high - low)
+
+
+def test_intervals_are_read_as_wide_as_they_are(result):
+    """On the first screen and in the table of poles, to one digit of the half width."""
+    (root,) = result.evaluation.roots
+    slowest, size = (0.5 * (x.upper - x.lower) for x in (root.time_constant, root.modulus))
+    rows = {row[0]: row[1:] for row in result_rows(result)}
+    assert half_width(rows["time constant"][1]) == pytest.approx(slowest, rel=0.11)
+    _, _, modulus, of_modulus, _, of_time = pole_grid(result.evaluation).rows[0]
+    assert half_width(of_modulus) == pytest.approx(size, rel=0.11)
+    assert half_width(of_time) == pytest.approx(slowest, rel=0.11)
+    assert len(modulus) == len(of_modulus.split(" to ")[0])
 
 
 def test_the_values_of_the_first_screen_are_those_of_the_record(result):

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 import sysid
 from sysid.base import style
 from sysid.base.criteria import criteria
-from sysid.base.quantities import display_quantity, number, percent, poles
+from sysid.base.quantities import display_quantity, estimate, number, percent, poles
 from sysid.data.preprocess import detrend
 from sysid.data.record import IOData
 from sysid.drawing.axes import draw
@@ -150,6 +150,34 @@ def test_an_end_that_was_never_met_is_named_with_how_far_physics_carries(low, hi
     assert extrapolated_joint(fit, both, up) == []
 
 
+@pytest.mark.parametrize(
+    ("found", "text"),
+    [
+        ((180.06, 179.93, 180.19), ("180.06", "179.93", "180.19")),
+        ((1.0203, 1.02011, 1.02049), ("1.02030", "1.02011", "1.02049")),
+        ((27676.0, 26442.0, 28910.0), ("27700", "26400", "28900")),
+        ((1e-3, -0.0491, 0.0509), ("0.001", "−0.049", "0.051")),
+        ((1.0, 0.9003, 1.0997), ("1.00", "0.90", "1.10")),  # half is 0.0997, of which two digits are 0.10
+        ((2e-5, 1.97e-5, 2.03e-5), ("2.000e−5", "1.970e−5", "2.030e−5")),
+        ((-0.0001, -0.04, 0.04), ("0.000", "−0.040", "0.040")),
+        ((3.0, 2.0, math.inf), ("3.0", "2.0", "∞")),
+        ((0.25, 0.25, 0.25), ("0.2500", "0.2500", "0.2500")),
+        ((math.nan, 1.0, 2.0), ("–", "1.000", "2.000")),
+    ],
+)
+def test_an_interval_gives_the_digits_two_of_its_half_width(found, text):
+    assert estimate(*found) == text
+
+
+def test_no_interval_is_rounded_to_nothing():
+    """What is read of an interval is as wide as it is, and holds what it holds, to one digit of its half width."""
+    rng = np.random.default_rng(0)
+    for value, share in zip(10.0 ** rng.uniform(-8, 9, 300), 10.0 ** rng.uniform(-9, 1, 300), strict=True):
+        half = value * share
+        low, high = (float(x.replace("−", "-")) for x in estimate(value, value - half, value + half)[1:])
+        assert 0.5 * (high - low) == pytest.approx(half, rel=0.11), (value, half)
+
+
 def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_means():
     value = JointValue("end_low", np.radians(-10.1234), np.radians(-10.17), np.radians(-10.08), "rad")
     assert sections.value_cells(value) == ("−10.123", "−10.170 to −10.080", "deg")
@@ -163,7 +191,7 @@ def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_
     speed = JointValue("speed_per_volt", np.radians(5.0), np.radians(4.0), np.radians(6.0), "rad/s/V")
     assert sections.value_cells(speed) == ("5.0", "4.0 to 6.0", "deg/s/V")
     assert [str(v) for v in (speed, hidden)] == [
-        "speed per volt, mid stroke: 5.000 (4.000 to 6.000) deg/s/V",
+        "speed per volt, mid stroke: 5.0 (4.0 to 6.0) deg/s/V",
         "backlash: 57.30 deg",
     ]
 

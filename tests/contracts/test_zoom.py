@@ -372,7 +372,7 @@ def test_values_without_determination_name_each_reason_and_each_record_once():
 
 def test_no_value_is_minus_nothing():
     cells = value_cells(JointValue("end_low", -1e-9, -0.01, 0.01, "s"))
-    assert cells == ("0.000000", "−0.010000 to 0.010000", "s")
+    assert cells == ("0.000", "−0.010 to 0.010", "s")
 
 
 def test_a_band_that_makes_the_error_a_line_gets_a_panel_of_the_error_alone(evaluation):

@@ -11,11 +11,12 @@ from scipy.integrate import solve_ivp
 import sysid
 from sysid.base.criteria import fit_percent
 from sysid.base.errors import InputError
+from sysid.base.quantities import Unit
 from sysid.blocks import ServoMotor
 from sysid.data.record import IOData
 from sysid.joint.full import PARTS
 from sysid.joint.posterior import fit_joint
-from sysid.joint.values import joint_values
+from sysid.joint.values import displayed_value, joint_values
 from sysid.model.chain import Chain
 from sysid.structures import ServoJoint, servo_joint
 
@@ -154,6 +155,12 @@ def test_a_dead_band_is_found_beside_a_gain_that_it_does_not_lower(band):
     shown = {value.name: value for value in joint_values(found.fit, data=data)}
     assert shown["kp"].holds(4.0)
     assert shown["kp"].value == pytest.approx(4.0, rel=0.02)
+    read = displayed_value(shown["kp"])  # 4 duty/rad, beside a goal and an angle in degrees
+    assert (read.unit, read.holds(4.0 * np.pi / 180.0), read.holds(4.0)) == ("duty/deg", True, False)
+    turns = replace(data, y_unit=Unit("rad", "rev", 0.5 / np.pi))
+    (of_a_turn,) = (value for value in joint_values(found.fit, data=turns) if value.name == "kp")
+    read = displayed_value(of_a_turn)
+    assert (read.unit, read.holds(8.0 * np.pi)) == ("duty/rev", True)
     assert found.shown == (("motor.dead",) if band else ())
     assert ("dead" in shown) == bool(band)
     if band:

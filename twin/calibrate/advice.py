@@ -8,7 +8,7 @@ from itertools import combinations
 from pathlib import Path
 
 from sysid.base.files import write_text
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, estimate, number
 from twin.calibrate.leg import DELAY, ROWS, scale
 from twin.calibrate.result import Calibration, Value
 from twin.parameter_file import to_toml
@@ -163,7 +163,7 @@ def comment(value: Value, level: float) -> str:
     """Unit, interval and nominal value."""
     unit = "no unit" if value.unit == "1" else value.unit
     factor, shown = (180.0 / math.pi, "deg") if value.unit == "rad" else (1.0, "")
-    low, high = (number(factor * bound, 5) for bound in (value.low, value.high))
+    _, low, high = estimate(*(factor * x for x in (value.value, value.low, value.high)))
     nominal = number(value.nominal, 4)
     if value.name == DELAY:
         unit += f", found {number(value.value, 4)} and rounded to whole periods of the board"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.base.errors import unknown
+from sysid.base.quantities import estimate
 from twin.compare.departure import noise_of
 from twin.compare.effects import DELAY, READ, SLOPE, START, ZERO
 from twin.compare.intervals import Value, by_name, values
@@ -90,7 +91,8 @@ class Alignment:
 def _span(value: Value, factor: float, unit: str) -> str:
     if value.low is None or value.high is None:
         return "not determined by this record"
-    return f"95 %: {factor * value.low:.4g} to {factor * value.high:.4g}{' ' + unit if unit else ''}"
+    _, low, high = estimate(*(factor * x for x in (value.value, value.low, value.high)))
+    return f"95 %: {low} to {high}{' ' + unit if unit else ''}"
 
 
 def parts(names: Iterable[str]) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.base import style
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, estimate, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.report.page import Grid, Picture, Section
 from twin.calibrate import advice
@@ -102,10 +102,8 @@ def by_log(result: Calibration) -> Grid:
 
 
 def _cell(value: Value, factor: float) -> str:
-    found = number(factor * value.value, 4)
-    if value.low == value.high:
-        return f"{found} (reference)"
-    return f"{found} ({number(factor * value.low, 4)} to {number(factor * value.high, 4)})"
+    found, low, high = estimate(*(factor * x for x in (value.value, value.low, value.high)))
+    return f"{found} (reference)" if value.low == value.high else f"{found} ({low} to {high})"
 
 
 def figure(result: Calibration) -> Figure:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, estimate, number
 from sysid.base.style import styled
 from sysid.data.record import IOData
 from sysid.drawing.figure import Axis, Band, Figure, Line, Panel, Points
@@ -135,9 +135,8 @@ def values(result: Calibration) -> Grid:
     rows = []
     for v in result.values:
         q = display_quantity(v.name, v.unit)
-        nominal, start, value, low, high = (
-            number(q.factor * x, 4) for x in (v.nominal, v.start, v.value, v.low, v.high)
-        )
+        nominal, start = (number(q.factor * x, 4) for x in (v.nominal, v.start))
+        value, low, high = estimate(*(q.factor * x for x in (v.value, v.low, v.high)))
         noise = f"{100 * v.noise_share:.0f} %"
         rows.append((v.name, q.unit or "–", nominal, start, value, f"{low} to {high}", noise))
     heading = f"{100 * result.level:g} % interval"

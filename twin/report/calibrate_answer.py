@@ -1,6 +1,6 @@
 """The first screen of `qpal calibrate`: how much of a log the calibrated twin explains, and what it determines."""
 
-from sysid.base.quantities import display_quantity, number, percent
+from sysid.base.quantities import display_quantity, estimate, percent
 from sysid.diagnosis.worth import worth
 from sysid.report.answer import POOR, Answer, Word
 from sysid.report.page import Grid, Picture
@@ -81,7 +81,7 @@ def values(result: Calibration) -> Grid:
     rows = []
     for v in sorted(result.values, key=lambda v: v.name in open_names):
         q = display_quantity(v.name, v.unit)
-        shown, low, high = (number(q.factor * x, 4) for x in (v.value, v.low, v.high))
+        shown, low, high = estimate(*(q.factor * x for x in (v.value, v.low, v.high)))
         interval = "not determined" if v.name in open_names else f"{low} to {high}"
         rows.append((v.name.rpartition(".")[2].replace("_", " "), shown, interval, q.unit))
     return Grid(("", "calibrated", f"{100 * result.level:g} % interval", "unit"), rows, last_text=True)

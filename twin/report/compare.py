@@ -25,9 +25,9 @@ from twin.report.compare_words import (
     UNKNOWN,
     WORDS,
     deg,
-    interval,
     sentences,
     share_text,
+    shown,
     verdict_sentences,
 )
 
@@ -157,8 +157,7 @@ def _change_tables(verdict: Verdict) -> list[Grid]:
                     CAUSES[share.effect].words,
                     WORDS.get(change.name, change.name),
                     number(unit.factor * change.twin, 4),
-                    number(unit.factor * change.log.value, 4),
-                    interval(change.log, unit.factor, UNKNOWN),
+                    *shown(change.log, unit.factor, UNKNOWN),
                     unit.unit,
                 )
             )

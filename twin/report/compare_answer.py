@@ -1,11 +1,11 @@
 """The first screen of `qpal compare`: how far the other side is from the log, and whether that is explained."""
 
-from sysid.base.quantities import capital, display_quantity, number, percent
+from sysid.base.quantities import capital, display_quantity, percent
 from sysid.diagnosis.residuals import UNTESTED
 from sysid.diagnosis.worth import worth
 from sysid.report.answer import GOOD, POOR, USABLE, Answer, Word
 from sysid.report.page import Grid, Picture
-from sysid.report.sections import NOT_KNOWN, decimals, fixed_point
+from sysid.report.sections import NOT_KNOWN
 from sysid.report.verdict import left_in_words
 from twin.compare.alignment import Alignment
 from twin.compare.comparison import LOG, MODEL, Comparison
@@ -13,7 +13,7 @@ from twin.compare.departure import Repeat
 from twin.compare.intervals import Value
 from twin.compare.structures import CAUSES
 from twin.compare.verdict import Change, Verdict
-from twin.report.compare_words import SMALLEST, WORDS, deg, repeats, share_text
+from twin.report.compare_words import SMALLEST, WORDS, deg, repeats, share_text, shown
 
 
 def answer(result: Comparison, picture: Picture, sentences: list[str]) -> Answer:
@@ -86,7 +86,7 @@ def values(result: Comparison) -> Grid:
 def alignment_rows(alignment: Alignment) -> list[tuple[str, ...]]:
     """Delay, gear and offset with their intervals."""
     return [
-        (name, *aligned(value, factor), unit)
+        (name, *shown(value, factor, NOT_KNOWN), unit)
         for name, value, factor, unit in (
             ("delay of the log", alignment.delay, 1e3, "ms"),
             ("gear (slope)", alignment.gear, 1.0, ""),
@@ -95,18 +95,9 @@ def alignment_rows(alignment: Alignment) -> list[tuple[str, ...]]:
     ]
 
 
-def aligned(value: Value, factor: float) -> tuple[str, str]:
-    """A value and its interval, with the digits that the interval means."""
-    if value.low is None or value.high is None:
-        return number(factor * value.value, 4), NOT_KNOWN
-    digits = decimals(factor * (value.high - value.low))
-    shown, low, high = (fixed_point(factor * x, digits) for x in (value.value, value.low, value.high))
-    return shown, f"{low} to {high}"
-
-
 def _row(change: Change) -> tuple[str, ...]:
     unit = display_quantity("", change.log.unit)
-    return WORDS.get(change.name, change.name), *aligned(change.log, unit.factor), unit.unit
+    return WORDS.get(change.name, change.name), *shown(change.log, unit.factor, NOT_KNOWN), unit.unit
 
 
 def _of_repeat(repeat: Repeat) -> list[tuple[str, ...]]:
@@ -115,4 +106,7 @@ def _of_repeat(repeat: Repeat) -> list[tuple[str, ...]]:
         Value("", *repeat.offset, "rad"),
         Value("", *repeat.drift, "rad/s"),
     )
-    return [("offset", *aligned(offset, angle), "deg"), ("drift", *aligned(drift, 60.0 * angle), "deg/min")]
+    return [
+        ("offset", *shown(offset, angle, NOT_KNOWN), "deg"),
+        ("drift", *shown(drift, 60.0 * angle, NOT_KNOWN), "deg/min"),
+    ]

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from sysid.base.quantities import capital, display_quantity, number, percent
+from sysid.base.quantities import capital, display_quantity, estimate, number, percent
 from sysid.joint.values import JointValue
 from twin.compare.comparison import LOG, MODEL, TWIN, Comparison
 from twin.compare.departure import Repeat
@@ -141,19 +141,20 @@ def _of_share(share: Share, k: int, verdict: Verdict) -> str:
 def _of_change(change: Change) -> str:
     """A value that an effect moves: as the log has it, and as the twin has it, where it has one."""
     unit = display_quantity("", change.log.unit)
-    twin, log = (number(unit.factor * value, 3) for value in (change.twin, change.log.value))
-    span = interval(change.log, unit.factor, "")
+    twin = number(unit.factor * change.twin, 3)
+    log, span = shown(change.log, unit.factor, "")
     doubt = f"95 %: {span}" if span else UNKNOWN
     name = WORDS.get(change.name, change.name)
     beside = "" if change.name in _OUTSIDE else f" where the twin has {twin}"
     return f"{name} {log}{' ' + unit.unit if unit.unit else ''} ({doubt}){beside}"
 
 
-def interval(value: Value | JointValue, factor: float, unknown: str, digits: int = 3) -> str:
-    """The interval in display units; `unknown` for a value that the record does not determine."""
+def shown(value: Value | JointValue, factor: float, unknown: str) -> tuple[str, str]:
+    """A value and its interval in display units; `unknown` where the record does not determine it."""
     if value.low is None or value.high is None:
-        return unknown
-    return f"{number(factor * value.low, digits)} to {number(factor * value.high, digits)}"
+        return number(factor * value.value), unknown
+    found, low, high = estimate(*(factor * x for x in (value.value, value.low, value.high)))
+    return found, f"{low} to {high}"
 
 
 def _next(verdict: Verdict, joint: str, file: str) -> str:

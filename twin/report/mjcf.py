@@ -7,7 +7,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number, percent
+from sysid.base.quantities import display_quantity, estimate, number, percent
 from sysid.diagnosis.worth import worth
 from sysid.drawing.figure import Axis, Figure, Line, Panel
 from sysid.plots.free_runs import over_panel
@@ -140,7 +140,7 @@ def sentences(result: RobotCalibration) -> list[str]:
     if moved:
         moved.sort(key=lambda value: -abs(value.continuous - value.value) / abs(value.value or 1.0))
         step = number(1e3 * float(result.robot.model.opt.timestep), 3)
-        names = ", ".join(f"{value.name} {' '.join(_shown(value, value.continuous))}" for value in moved[:MANY])
+        names = ", ".join(f"{value.name} {' '.join(_shown(value, value.continuous)[:2])}" for value in moved[:MANY])
         texts.append(
             f"The values are those for the time step of {result.robot.path.name}, {step} ms, which takes part in the "
             f"motion: with much shorter steps they would be {names}{', ...' if len(moved) > MANY else ''}."
@@ -185,16 +185,16 @@ def values(result: RobotCalibration) -> Grid:
     return Grid(("parameter", "unit", before, "calibrated", heading, "bits", ""), rows, text_columns=2, last_text=True)
 
 
-def _shown(value: Value, x: float) -> tuple[str, str]:
-    """x [unit of the value] as a person reads it, and its unit; gains and friction stay per rad, as in MJCF."""
+def _shown(value: Value, x: float) -> tuple[str, str, float]:
+    """x as a person reads it, the unit, and the factor to it; gains and friction stay per rad, as in MJCF."""
     angle = value.unit == "rad"
     q = display_quantity(value.name, value.unit if angle else "1")
-    return number(q.factor * x, 4), q.unit if angle else value.unit
+    return number(q.factor * x, 4), q.unit if angle else value.unit, q.factor
 
 
 def _row(value: Value) -> tuple[str, ...]:
-    before, now, low, high = (_shown(value, x)[0] for x in (value.before, value.value, value.low, value.high))
-    unit = _shown(value, 0.0)[1]
+    before, unit, factor = _shown(value, value.before)
+    now, low, high = estimate(*(factor * x for x in (value.value, value.low, value.high)))
     state = "" if value.determined else "not determined"
     bits = number(max(value.learned, 0.0), 2)
     return value.name, unit, before, now if value.determined else MISSING, f"{low} to {high}", bits, state

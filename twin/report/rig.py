@@ -4,7 +4,7 @@ import numpy as np
 
 from sysid.base import style
 from sysid.base.files import versions
-from sysid.base.quantities import display_quantity, number
+from sysid.base.quantities import display_quantity, estimate, number
 from sysid.drawing.figure import Axis, Figure, Item, Panel, Ranges, Rule
 from sysid.joint.values import WORDS, JointValue
 from sysid.plots.records import record_figure
@@ -83,8 +83,8 @@ def _cell(value: JointValue | None) -> str:
     q = display_quantity(value.name, value.unit)
     if value.low is None or value.high is None:
         return "not determined"
-    numbers = [number(q.factor * x, 3) for x in (value.value, value.low, value.high)]
-    return f"{numbers[0]} ({numbers[1]} to {numbers[2]})"
+    found, low, high = estimate(*(q.factor * x for x in (value.value, value.low, value.high)))
+    return f"{found} ({low} to {high})"
 
 
 def figure(result: Campaign) -> Figure:
