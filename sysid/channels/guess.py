@@ -45,12 +45,12 @@ from sysid.channels.roles import (
     choose_signals,
     doubts_of_roles,
     is_counter,
-    is_switch,
+    named_together,
     note_on_direction,
     note_on_left_out,
-    switch_of,
 )
 from sysid.channels.run_columns import column_of_experiments, in_blocks, labels, labels_of, note_on_stretches
+from sysid.channels.switches import is_switch, switch_of
 from sysid.channels.unused_clock import count_of_changes, notes_on_unused_clock, tell_order, tell_starts
 from sysid.data.hexadecimal import columns_of_words
 from sysid.data.table import Table
@@ -161,6 +161,11 @@ def guess(table: Table | str | os.PathLike[str], given: Given = Given()) -> Gues
     if given.input is None and given.output is None:
         unclear += note_on_controller(roles, signals)
     channels: dict[str, list[Channel]] = {}
+    inputs, output = named_together(unclear)
+    if inputs and roles["input"] is None:
+        roles = {"input": columns[inputs[0]], "output": columns[output]}
+        further = {"input": tuple(inputs[1:])}
+        remarks["input.column"] = "CHOOSE: an input, or delete this [[input]]"
     for role, first in roles.items():
         channels[role] = [] if first is not None else [Channel(column="")]
         if first is None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sysid.base.quantities import SHARE
-from sysid.channels.column import Column, Header, misspelt_number, parse_header, words
+from sysid.channels.column import Column, misspelt_number, words
 from sysid.channels.complaints import brief, list_names
 from sysid.channels.conversion import convert
 from sysid.data.hexadecimal import columns_of_words
@@ -29,14 +29,14 @@ SPEED = words("speed velocity vel omega rpm drehzahl")  # an output where no oth
 # Of a file of two columns these say which is which; among more columns they may mean something else.
 WEAK_INPUT = words(
     "inputs uin excitation excite stimulus drive actuator actuation torque force current load power effort cmds "
-    "commands eingang spannung stellwert sollwert"
+    "commands eingang spannung stellwert sollwert pump pumpe valve ventil heater heizung fan"
 )
 WEAK_OUTPUT = words(
     "outputs yout uout response measured measurement meas sensor reading speed velocity vel omega rate acceleration "
-    "acc accel gyro temp temperature displacement ausgang messwert istwert lage drehzahl angles positions"
+    "acc accel gyro temp temperature displacement ausgang messwert istwert lage drehzahl angles positions "
+    "level height fuellstand pressure druck"
 )
 SWITCH = words("enable enabled armed disable disabled")  # a column that is 0 while the drive is off, with no words
-_DRIVE = words("torque motor drive driver servo axis joint actuator power output is state status")  # but these
 DIRECTION = words("dir direction richtung")  # of an H-bridge, whose duty has no sign
 SIGNALS_OF_LOG = ("voltage_V", "angle_rad")  # input and output of the logs that this program writes
 PLAIN_VOLTS = {"voltage", "volt", "volts"}  # of which quantity, another word says: pot_voltage
@@ -44,6 +44,7 @@ STRONG = {"input": {"u", "input"}, "output": {"y", "output"}}
 MANY = 6  # names in a sentence
 TOGETHER = "act together: "  # the options for all of several inputs follow
 NONE_LEFT = "is left for the "  # a role, and behind the semicolon what a log needs that has it
+_INPUT_UNITS = ("V", "1", SHARE)
 _OF_SUPPLIES = ("", "V", "A", "W")
 _SAME_ORDER = np.sqrt(10.0)  # within which two ranges are of one order
 
@@ -57,8 +58,13 @@ def choose_signals(table: Table, columns: Columns, why: list[str], unclear: list
         u, y = (columns[name] for name in SIGNALS_OF_LOG)
         why.append(f"read column {u.name!r} as the input and {y.name!r} as the output: a log of this program")
         return {"input": u, "output": y}
-    count = len(why)
+    count, doubts = len(why), len(unclear)
     roles = {role: _choose_column(role, columns, why, unclear) for role in ("input", "output")}
+    inputs = _inputs_of_one(columns) if None in roles.values() and len(unclear) == doubts else []
+    if inputs:
+        del why[count:]
+        unclear.append(_which_input(inputs, columns))
+        return {"input": None, "output": None}
     if len(table.names) == 2 and len(columns) == 2:
         first, second = columns.values()
         exchanged = roles["input"] is second or roles["output"] is first
@@ -115,9 +121,38 @@ def _candidates(columns: Columns, role: str) -> list[Column]:
         return strong
     if by_name:
         return by_name
-    units = ("V", "1", SHARE) if role == "input" else ("rad",)
-    nameless = [column for column in moving if role_by_name(column) == "" and column.header.unit]
-    return [column for column in nameless if convert(column.header.unit).unit in units]
+    if role == "input" and (inputs := _inputs_of_one(columns)):
+        return inputs
+    units = _INPUT_UNITS if role == "input" else ("rad",)
+    return [column for column in moving if role_by_name(column) == "" and _is_in(column, units)]
+
+
+def _is_in(column: Column, units: Sequence[str]) -> bool:
+    return bool(column.header.unit) and convert(column.header.unit).unit in units
+
+
+def _inputs_of_one(columns: Columns) -> list[Column]:
+    """Two or more columns that may all be inputs of the only other one that moves; none where others may be its too.
+
+    Such a column says so by its name or its unit, or stays in most rows, as an input does and an answer does not.
+    """
+    moving = [
+        c for c in columns.values() if not c.constant and not c.header.has(SWITCH | NEVER) and not is_direction(c)
+    ]
+    inputs = [column for column in moving if _may_be_input(column)]
+    rest = [c for c in moving if not any(c is each for each in inputs) and not is_counter(c)]
+    answers = [c for c in rest if role_by_name(c) != "none"] or rest
+    return inputs if len(inputs) > 1 and len(answers) == 1 else []
+
+
+def _may_be_input(column: Column) -> bool:
+    """Whether name, unit or numbers let a column pass for an input, and its name does not say otherwise."""
+    role, header = role_by_name(column), column.header
+    if role in ("input", "output"):
+        return role == "input"
+    if header.has(WEAK_INPUT) and not header.has(WEAK_OUTPUT):
+        return role == "" or (role == "none" and column.held)
+    return role == "" and not header.has(WEAK_OUTPUT) and (column.held or _is_in(column, _INPUT_UNITS))
 
 
 def is_counter(column: Column) -> bool:
@@ -164,9 +199,8 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
             candidates = [column for column in candidates if column not in supplies]
     if len(candidates) > 1:
         names = ", ".join(repr(column.name) for column in candidates[:MANY])
-        several = example(candidates, columns) if role == "input" else ""
-        several = f", or of inputs that {TOGETHER}{several}" if several else ""
-        unclear.append(f"columns {names} may each be the {role}; name one with --{role}{several}")
+        alone = f"columns {names} may each be the {role}; name one with --{role}"
+        unclear.append(_which_input(candidates, columns) if role == "input" else alone)
         return None
     if not candidates:
         return None
@@ -175,6 +209,12 @@ def _choose_column(role: str, columns: Columns, why: list[str], unclear: list[st
     servo_note = ", a reference (the record of a servo)" if role == "input" and column.header.has(REFERENCE) else ""
     why.append(f"column {column.name!r} is the {role}{servo_note}: its {evidence} says so")
     return column
+
+
+def _which_input(inputs: Sequence[Column], columns: Columns) -> str:
+    names, several = ", ".join(repr(column.name) for column in inputs[:MANY]), example(inputs, columns)
+    together = f", or of inputs that {TOGETHER}{several}" if several else ""
+    return f"columns {names} may each be the input; name one with --input{together}"
 
 
 def _is_supply(column: Column, candidates: Sequence[Column]) -> bool:
@@ -191,16 +231,25 @@ def _is_supply(column: Column, candidates: Sequence[Column]) -> bool:
 def example(inputs: Sequence[Column], columns: Columns) -> str:
     """The options that name several `inputs` and the output beside them; empty where they need a mapping file.
 
-    The output is the only other column that moves and that no name rules out.
+    The output is the only other column that moves and that no name rules out, or that alone is left.
     """
     names = [column.name for column in inputs]
     rest = [c for c in columns.values() if not any(c is each for each in inputs) and not c.constant]
-    outputs = [c.name for c in rest if role_by_name(c) in ("", "output") and not c.header.has(SWITCH)]
+    rest = [c for c in rest if not c.header.has(SWITCH | NEVER) and not is_counter(c)]
     by_name = [c.name for c in rest if role_by_name(c) == "output"]
-    output = by_name if len(by_name) == 1 else outputs
-    if len(names) < 2 or len(output) != 1 or any("," in name for name in (*names, *output)):
+    outputs = by_name if len(by_name) == 1 else [c.name for c in rest if role_by_name(c) in ("", "output")]
+    outputs = outputs or [c.name for c in rest]
+    if len(names) < 2 or len(outputs) != 1 or any("," in name for name in (*names, *outputs)):
         return ""
-    return f"--input {shlex.quote(','.join(names))} --output {shlex.quote(output[0])}"
+    return f"--input {shlex.quote(','.join(names))} --output {shlex.quote(outputs[0])}"
+
+
+def named_together(sentences: Sequence[str]) -> tuple[list[str], str]:
+    """Inputs and output in the options of the sentence that says which inputs may act together; none without it."""
+    for options in (text.partition(TOGETHER)[2] for text in sentences if TOGETHER in text):
+        _, inputs, _, output = shlex.split(options)
+        return inputs.split(","), output
+    return [], ""
 
 
 def _only_other_column(role: str, partner: Column | None, columns: Columns, why: list[str]) -> Column | None:
@@ -219,9 +268,6 @@ def _only_other_column(role: str, partner: Column | None, columns: Columns, why:
         return None
     why.append(f"column {moving_columns[0].name!r} is the {role}: it is the only other one")
     return moving_columns[0]
-
-
-NO_SWITCH = 'if it says something else, write drive = "" under [range] in a mapping, which uses every row'
 
 
 def is_direction(column: Column) -> bool:
@@ -255,42 +301,6 @@ def note_on_left_out(roles: Roles, columns: Columns) -> list[str]:
     if not both:
         return []
     return [f"{list_names([c.name for c in left])} left out, in the unit of the input; if inputs too: {both}"]
-
-
-def is_switch(header: Header) -> bool:
-    """Whether the name of a column says that it tells when the drive is on."""
-    return header.has(SWITCH) and header.words <= SWITCH | _DRIVE
-
-
-def switch_of(columns: Columns, names: Sequence[str]) -> tuple[Column | None, str]:
-    """The column that says when the drive is on, 0 and another value, if it is one; and what was made of its kind.
-
-    `names` are those of all columns, also of text.
-    """
-    headers = {name: columns[name].header if name in columns else parse_header(name) for name in names}
-    likely = [name for name, header in headers.items() if is_switch(header)]
-    likely = [
-        name for name in likely if name not in columns or not columns[name].finite.all() or not columns[name].constant
-    ]
-    if not likely:
-        return None, ""
-    name, column = likely[0], columns.get(likely[0])
-    levels = np.unique(column.finite) if column is not None else np.zeros(0)
-    if len(likely) > 1:
-        reason = f"so may {list_names(likely[1:])}"
-    elif column is None:
-        reason = "it holds text"
-    elif headers[name].has({"disable", "disabled"}):
-        reason = "its name says that it is 0 then"
-    elif len(levels) != 2 or levels[0] != 0.0:
-        shown = f"{len(levels)} values" if len(levels) > 2 else " and ".join(f"{level:g}" for level in levels)
-        reason = f"it holds {shown}"
-    else:
-        return column, f"column {name!r} is 0 while the drive is off: what lies between is left out ({NO_SWITCH})"
-    return None, (
-        f"column {name!r} may say when the drive is on, but {reason}: nothing is left out. If the drive was off, "
-        "name a column that is 0 there and 1 elsewhere as drive of [range] in a mapping"
-    )
 
 
 def doubts_of_roles(table: Table, roles: Roles, columns: Columns, signals: Columns) -> list[str]:

@@ -12,7 +12,7 @@ from sysid.base.errors import InputError
 from sysid.base.limits import SAMPLES
 from sysid.base.quantities import Units, display_quantity
 from sysid.channels.mapping import ROLES, ChannelMap
-from sysid.channels.roles import NO_SWITCH
+from sysid.channels.switches import NO_SWITCH
 from sysid.data.missing import runs
 from sysid.data.record import IOData
 from sysid.data.resampling import mean_of_held, resample

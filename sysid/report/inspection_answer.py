@@ -77,6 +77,7 @@ def following(result: Inspection) -> str:
     if result.command:
         edit = result.unclear and result.unwritten is None
         first = f"fill in the lines of {result.options[-1]} that say CHOOSE, then: " if edit else ""
+        first = f"{result.assumption}: " if result.assumption else first
         return f"Next: {first}{result.command}"
     if result.lack:
         return f"Next: {result.lack}"

@@ -1,6 +1,7 @@
 """What a file holds and how it would be read: its columns, a mapping, the sampling, the repairs, and advice."""
 
 import os
+import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,7 +13,7 @@ import numpy as np
 from sysid.base.errors import InputError
 from sysid.base.files import versions
 from sysid.channels.column import soft_numbers
-from sysid.channels.guess import Given, guess
+from sysid.channels.guess import NO_CLOCK, Given, guess
 from sysid.channels.mapping import ROLES, ChannelMap, Range
 from sysid.channels.mapping_file import map_text
 from sysid.channels.reading import Mapping, complete, read_map_of, sample
@@ -32,6 +33,7 @@ from sysid.workflow.record import check_moving
 from sysid.workflow.room import has_room, smaller
 from sysid.workflow.servo import is_of_servo
 
+SECONDS = "SECONDS"  # stands for a sampling time that a person has to give
 LONGEST = 20_000  # samples that the advice looks at
 
 
@@ -90,17 +92,41 @@ class Inspection:
 
         Empty where no command helps: `problem` or `obstacle` then says what does.
         """
-        together = next((text.partition(TOGETHER)[2] for text in self.unclear[:1] if TOGETHER in text), "")
+        together = next((text.partition(TOGETHER)[2] for text in self.unclear if TOGETHER in text), "")
         if self.lack:
             return ""
-        if together and self.unwritten is not None:
-            return f"{shlex.join(['qpal', 'identify', str(self.path)])} {together}"
+        if together and self.unwritten is not None and (clock := self._clock) is not None:
+            first = shlex.join(["qpal", "identify", str(self.path)])
+            return " ".join(filter(None, [first, together, shlex.join([*_without(self.unwritten, together), *clock])]))
         if self.unwritten is not None:
             return shlex.join(["qpal", "info", str(self.path), *self.unwritten, "--write-map", MAP_FILE])
         if self.obstacle or without_effect(self.advice) is not None or (self.problem and not self.repairs):
             return ""
         verb, *advised = self.first
         return shlex.join(["qpal", verb, str(self.path), *self.options, *advised])
+
+    @property
+    def assumption(self) -> str:
+        """What the command takes for granted of the clock, empty for nothing."""
+        match (self._clock if TOGETHER in " ".join(self.unclear) else None) or ():
+            case ("--time", name, _, unit):
+                return f"if {name!r} is in {unit}"
+            case ("--ts", _):
+                return f"with the sampling time in place of {SECONDS}"
+        return ""
+
+    @property
+    def _clock(self) -> tuple[str, ...] | None:
+        """The options for a clock that is unclear beside several inputs; None where more is unclear."""
+        others = [text for text in self.unclear if TOGETHER not in text]
+        if not others or self.unwritten is None:
+            return ()
+        if others == [NO_CLOCK]:
+            return ("--ts", SECONDS)
+        unit = re.search(r"--time-unit (\w+)", others[0])
+        if len(others) > 1 or unit is None or not self.mapping.clock.column:
+            return None
+        return ("--time", self.mapping.clock.column, "--time-unit", unit[1])
 
     @property
     def lack(self) -> str:
@@ -300,6 +326,12 @@ def _advice(signals: Signals | None) -> tuple[Advice, ...]:
         return tuple(replace(a, call="", command=()) if a.command == ("info",) else a for a in findings)
     except InputError as error:
         return (Advice("data", str(error), float("nan"), "", "warning"),)
+
+
+def _without(options: Sequence[str], others: str) -> list[str]:
+    """The pairs of an option and its value that are not among the `others`."""
+    pairs = zip(options[::2], options[1::2], strict=True)
+    return [word for name, value in pairs if name not in shlex.split(others) for word in (name, value)]
 
 
 def _options(given: Given, range: Range, map_path: str | None, needs_map: bool) -> tuple[str, ...]:
