@@ -19,13 +19,16 @@ from sysid.drawing.axes import draw
 from sysid.estimation.result import Fit
 from sysid.joint.design import TARGETS, Design, Phase
 from sysid.joint.values import JointValue
-from sysid.report import design, sections, verdict
+from sysid.report import design, joint, sections, verdict
 from sysid.report.joint import values_figure
 from sysid.report.page import Grid, to_json
 from sysid.solver.covariance import Covariance
 from sysid.solver.iterate import Stop
 from sysid.workflow.remarks import ends_met, extrapolated_joint, extrapolated_signals
 from twin.cli.console import Rounds, Steps
+from twin.compare import alignment
+from twin.compare.intervals import Value
+from twin.report import agreement, compare_words, rig
 
 
 @pytest.mark.parametrize(
@@ -176,6 +179,16 @@ def test_no_interval_is_rounded_to_nothing():
         half = value * share
         low, high = (float(x.replace("−", "-")) for x in estimate(value, value - half, value + half)[1:])
         assert 0.5 * (high - low) == pytest.approx(half, rel=0.11), (value, half)
+
+
+def test_values_of_the_twin_and_of_a_rig_have_the_same_digits():
+    found = Value("delay", 0.18006, 0.17993, 0.18019, "s")
+    assert compare_words.shown(found, 1e3, "") == ("180.06", "179.93 to 180.19")
+    assert agreement._cell(found, 1e3) == "180.06 (179.93 to 180.19)"
+    assert rig._cell(JointValue("lag", 1.0203, 1.02011, 1.02049, "s")) == "1.02030 (1.02011 to 1.02049)"
+    assert alignment._span(found, 1e3, "ms") == "95 %: 179.93 to 180.19 ms"
+    hover = joint._meaning(JointValue("lag", 1.0203, 1.02011, 1.02049, "s"))
+    assert hover.endswith("1.02030 s<br>95 % interval 1.02011 to 1.02049 s")
 
 
 def test_a_physical_value_is_shown_in_degrees_with_the_digits_that_its_interval_means():
