@@ -64,7 +64,12 @@ def main() -> None:
     end_with(int(sys.argv[1]))
     leave_to_others()
     gc.disable()  # a tenth of the time; it lives for seconds
-    for block in pickle.load(sys.stdin.buffer):  # of the process that started this one
+    compile_blocks(pickle.load(sys.stdin.buffer))  # of the process that started this one
+
+
+def compile_blocks(blocks: Sequence[Block]) -> None:
+    """Compile the loops of these blocks in turn, in this process."""
+    for block in blocks:
         _compile(block)
 
 

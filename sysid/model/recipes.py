@@ -136,6 +136,11 @@ class Recipe(ABC):
         """By the words of a value that a part of the model has: its least value, and the same without such parts."""
         return {}
 
+    @property
+    def swings(self) -> bool:
+        """Whether it may swing where another of as many parameters cannot."""
+        return False
+
     def stepped(self, **steps: int) -> "Recipe | None":
         """The same with its orders changed by `steps`; None below the least order."""
         orders = {name: self.orders[name] + step for name, step in steps.items()}

@@ -11,6 +11,7 @@ from sysid.base.errors import InputError
 from sysid.data.record import IOData
 
 COUNTS = (2, 3, 4, 5, 6, 7, 8, 10)  # blocks that are tried
+_SHIFT = 0.125  # of a block, by which its border may move: of two blocks none is longer than twice the other
 _SHORTEST = 100  # samples of a block of a record that allows more than two
 _BALANCE = 0.35  # least share of the samples in each part
 _PRICE = 0.01  # of the coverage that one more block must bring: every block loses the samples of its initial state
@@ -158,14 +159,33 @@ def _coverage_loss(counts: np.ndarray, part: np.ndarray) -> float:
 
 
 def _cuts(data: IOData, count: int) -> list[tuple[int, int]]:
-    """Blocks of nearly equal length, at least one for each experiment."""
-    blocks, begin = [], 0
+    """Blocks of nearly equal length, at least one for each experiment.
+
+    The input before a block is taken for its first one (see `Process`), so a block begins where the input has stood
+    still for longest: what a delay still holds there is a wrong beginning otherwise, which extra parameters would fit.
+    """
+    blocks, begin, stood = [], 0, _stood_still(data)
     for n in data.lengths:
         block_count = max(1, round(count * n / data.N))
         edges = [begin + round(k * n / block_count) for k in range(block_count + 1)]
+        reach = int(_SHIFT * n / block_count)
+        edges[1:-1] = [_border(stood, middle, reach) for middle in edges[1:-1]]
         blocks += [(a, b) for a, b in itertools.pairwise(edges) if b - a >= 2]
         begin += n
     return blocks
+
+
+def _border(stood: np.ndarray, middle: int, reach: int) -> int:
+    """The sample around `middle` before which the input has stood still for longest, of equal ones the nearest."""
+    return max(range(middle - reach, middle + reach + 1), key=lambda k: (stood[k], -abs(k - middle)))
+
+
+def _stood_still(data: IOData) -> np.ndarray:
+    """For how many samples (N,) each input has been what it is."""
+    number = np.arange(data.N)
+    changes = np.ones(data.N, dtype=bool)
+    changes[1:] = (np.diff(data.u, axis=0) != 0.0).any(axis=1)
+    return number - np.maximum.accumulate(np.where(changes, number, 0))
 
 
 def _halves(lengths: list[int]) -> list[np.ndarray]:

@@ -172,7 +172,7 @@ def choose_by_kind(finalists: Sequence[Row]) -> Row:
         gap = row.score_of_kinds - best.score_of_kinds
         if gap <= np.log(_SAME) or (gap <= np.log(_NEAR) and confidence(best, row) < SURE):
             alike.append(row)
-    return min(alike, key=lambda r: (r.d, r.score_of_kinds))
+    return min(alike, key=lambda r: (*plainness(r), r.score_of_kinds))
 
 
 def cut(budget: float, left_out: int) -> str:
@@ -189,6 +189,11 @@ def settings(c: Recipe) -> dict[str, Any]:
     options = type(c).options()
     other_settings = {name: value for name, value in c.as_dict().items() if options[name].kind != "map"}
     return {"structure": c.name, **orders, **maps, **other_settings}
+
+
+def plainness(row: Row) -> tuple[int, bool]:
+    """Of rows that a record does not tell apart the least is handed over: fewer parameters, then no oscillation."""
+    return row.d, row.candidate.swings
 
 
 def score(row: Row) -> tuple[bool, float, int]:
@@ -221,4 +226,4 @@ def ranked(judged: dict[Recipe, Row]) -> tuple[list[Row], Row]:
         percent_below = rows[0].fit_percent - r.fit_percent if finite else np.inf
         told = (told and ratio > _SAME) or ratio > _NEAR or percent_below > _POINTS
         out.append(replace(r, equal=k == 0 or not told))
-    return out, min((r for r in out if r.equal), key=lambda r: (r.d, -r.fit_percent))
+    return out, min((r for r in out if r.equal), key=lambda r: (*plainness(r), -r.fit_percent))

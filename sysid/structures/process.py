@@ -104,6 +104,10 @@ class ProcessModel(Recipe):
         return {slot.words: (max(slot.lower, 0.0), without[slot.name]) for slot in slots}
 
     @property
+    def swings(self) -> bool:
+        return self._block.pair
+
+    @property
     def _block(self) -> Process:
         return _kind(self.kind)
 

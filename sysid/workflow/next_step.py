@@ -345,11 +345,12 @@ def _no_maps(result: Identification) -> NextStep | None:
 
 
 def _process(result: Identification) -> Iterable[NextStep]:
-    """A plant that is slow beside its samples, and has a delay, in place of a model with maps: with one time constant
+    """A plant that is slow beside its samples, and has a delay, in place of a model of samples: with one time constant
     and with two, and several logs with a zero each too.
     """
-    recipe = result.evaluation.setting.recipe
-    if result.selection is not None or not recipe.of_kind("map"):
+    e = result.evaluation
+    is_single = e.estimation.u.shape[1] == e.estimation.y.shape[1] == 1
+    if result.selection is not None or not is_single or not {"nb", "nk"} <= set(e.setting.recipe.orders):
         return
     zeros: list[dict[str, Any]] = [{}, {"offset": "each"}] if len(result.record.data.experiments) > 1 else [{}]
     for kind, zero in product(("P1D", "P2D"), zeros):

@@ -13,6 +13,7 @@ import numpy as np
 
 from sysid.base.compiled import CompilationRefusedError, refusing_compilation
 from sysid.base.errors import InputError
+from sysid.block.ahead import compile_blocks
 from sysid.data.record import IOData
 from sysid.diagnosis.residuals import CLOSE, poor
 from sysid.estimation.result import Fit
@@ -57,11 +58,15 @@ def tried(
 ) -> tuple[NextStep, ...]:
     """At most two of the steps: those that help, the best first; else those that have evidence and were not tried.
 
-    `seconds` is the budget for all of them; None for that of `_usual`, in which nothing is compiled. 0 tries nothing.
+    `seconds` is the budget for all of them; None for that of `_usual`, in which nothing is compiled but, before it
+    begins, the loop of a process. 0 tries nothing.
     """
     budget = _usual(result, steps) if seconds is None else seconds
+    if budget:
+        _compile_process(steps)
+    early = _early(result, steps, budget)
     end, helpful, missed = time.monotonic() + budget, list[_Trial](), list[NextStep]()
-    for step in sorted(steps, key=lambda step: _turn(result, step, budget)):
+    for step in sorted(steps, key=lambda step: _turn(step, early)):
         remaining = end - time.monotonic()
         outcome = _try(result, step, attempt, remaining, may_compile=seconds is not None) if budget else step
         if isinstance(outcome, _Trial):
@@ -102,16 +107,33 @@ def _due(result: Identification, step: NextStep) -> float:
     return _expected(result, changed_setting(result, **{k: v for k, v in step.change.items() if k != "split"}))
 
 
-def _turn(result: Identification, step: NextStep, budget: float) -> tuple[int, bool]:
+def _early(result: Identification, steps: Sequence[NextStep], budget: float) -> list[NextStep]:
+    """The steps that have evidence and together leave half of the budget to what costs little."""
+    early, due = list[NextStep](), 0.0
+    for step in sorted(steps, key=lambda step: _due(result, step)):
+        due += _due(result, step)
+        if due > 0.5 * budget:
+            break
+        early.append(step)
+    return early
+
+
+def _turn(step: NextStep, early: Sequence[NextStep]) -> tuple[int, bool]:
     """What has evidence and leaves half of the budget comes first, then a linear model, which costs little; then other
     evidence, and other guesses.
     """
     structure = step.change.get("structure")
     if structure in (OutputError.name, ProcessModel.name):
         return 1, False
-    if _due(result, step) <= 0.5 * budget:
+    if step in early:
         return 0, False
     return 2 + step.guess, structure is not None
+
+
+def _compile_process(steps: Sequence[NextStep]) -> None:
+    """The one loop of all processes, some seconds once on a machine: whether they are tried must not depend on that."""
+    if any(step.change.get("structure") == ProcessModel.name for step in steps):
+        compile_blocks(ProcessModel().model().blocks)
 
 
 def _try(
@@ -209,8 +231,13 @@ def _by_bic(e: Evaluation, other: Evaluation) -> bool:
 
 
 def _simpler(e: Evaluation, other: Evaluation) -> bool:
-    """Whether the other one is smaller, and BIC prefers it."""
-    return other.fit.criteria.d < e.fit.criteria.d and _by_bic(e, other)
+    """Whether the other one is smaller, and BIC prefers it; errors of one step and of a free run have no common BIC, so
+    of those the other one has to be as good on unseen samples, in free run."""
+    if other.fit.criteria.d >= e.fit.criteria.d:
+        return False
+    if e.fit.predicts != other.fit.predicts:
+        return e.unseen and e.growing is None and other.validation_fit >= e.validation_fit
+    return _by_bic(e, other)
 
 
 def _stretches(parts: Sequence[tuple[Evaluation, IOData]], ahead: int | None) -> np.ndarray:

@@ -9,8 +9,8 @@ import pytest
 from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
-from sysid.structures import Hammerstein, NonlinearStateSpace, OutputError, ProcessModel
-from sysid.workflow import trials
+from sysid.structures import Armax, Arx, BoxJenkins, Hammerstein, NonlinearStateSpace, OutputError, ProcessModel
+from sysid.workflow import next_step, trials
 from sysid.workflow.identification import identify_file
 from sysid.workflow.next_step import proposals
 from sysid.workflow.results import Identification
@@ -201,6 +201,47 @@ def test_what_the_record_points_to_is_tried_first_however_short_the_fit_was():
         ([], 7.0),
     ):
         assert trials._usual(slow, steps) == budget
+
+
+def test_a_process_is_among_what_may_be_tried_after_every_model_of_samples():
+    result = fitted(OutputError(1, 1, 1), first_order())
+    for recipe in (Arx(), Armax(), BoxJenkins(), OutputError(), Hammerstein()):
+        setting = Setting(recipe, starts=1)
+        other = replace(result, evaluation=replace(result.evaluation, setting=setting), asked=setting)
+        assert [step.change["kind"] for step in next_step._process(other)] == ["P1D", "P2D"], recipe
+    assert {"P1D", "P2D"} <= {step.change.get("kind") for step in proposals(result)}
+
+
+def test_a_smaller_process_that_runs_as_well_as_a_predictor_is_said():
+    """Errors of one step and of a free run have no common BIC: unseen free runs decide between them."""
+    path = first_order()
+    result, e = fitted(Armax(9, 2, 1), path), fitted(ProcessModel(), path).evaluation
+    step = next(iter(next_step._process(result)))
+    assert e.fit.criteria.d < result.evaluation.fit.criteria.d
+    for fit, is_said in ((0.1, True), (-0.1, False)):
+        other = replace(e, validation_fit=result.evaluation.validation_fit + fit)
+        assert (trials.gain_of(result, step, other) is not None) is is_said
+
+
+def test_a_process_is_tried_before_evidence_takes_the_time_and_whatever_is_compiled(monkeypatch):
+    result = fitted(Hammerstein(1, 1, 1), *days())
+    slow = replace(result, evaluation=replace(result.evaluation, fit=replace(result.evaluation.fit, seconds=4.0)))
+    steps = proposals(slow)
+    (own,) = [step for step in steps if step.change == {"offset": "each"}]
+    others = [replace(own, command=f"qpal {k}") for k in range(3)]  # each half of the time: together more than all
+    taken, compiled = [], []
+    monkeypatch.setattr(trials, "compile_blocks", compiled.extend)
+
+    def attempt(setting: Setting, *_):
+        taken.append(setting.recipe.name)
+        raise InputError("not this one")
+
+    tried(slow, [*others, *steps], attempt)
+    assert taken[:2] == ["hammerstein", "process"]
+    assert compiled == list(ProcessModel().model().blocks)
+    tried(slow, others, attempt)
+    tried(slow, steps, attempt, 0.0)
+    assert len(compiled) == len(ProcessModel().model().blocks)
 
 
 @pytest.mark.parametrize(
