@@ -103,7 +103,8 @@ def test_a_delay_that_the_orders_cannot_hold(seed, capsys):
     arguments = [written("log.csv", u, y, seed, 0.02), "--ts", "0.1", "--structure", "output_error"]
     poor = identified([*arguments, "--orders", "1,1,1"], capsys)
     assert poor["fit_percent"]["validation"] < 80.0
-    assert option(poor, "--orders") == "1,1,7"
+    # A process holds the delay with fewer parameters.
+    assert option(poor, "--orders") == "1,1,7" or option(poor, "--structure") == "process"
     better = followed(poor, capsys)
     assert better["fit_percent"]["validation"] > 95.0
     assert better["next"] is None
