@@ -119,7 +119,7 @@ def test_the_next_step_is_not_to_use_the_file():
 def test_the_file_says_it_beside_each_value(tmp_path):
     text = advice.write(result(SURE, WIDE), tmp_path / "thigh.toml").read_text(encoding="utf-8")
     assert "# These logs do not determine all: thigh.coulomb" in text
-    assert "coulomb = 17.9  # NOT DETERMINED by the logs; N; 95 % interval 0 to 203.60; was 30.00" in text
+    assert "coulomb = 17.9  # NOT DETERMINED by the logs; N; 95 % interval 0 to 200; was 30.00" in text
     assert "stroke = 0.07  # m; not calibrated, set beyond the angles of the logs" in text
 
 
