@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.special import fdtri, stdtr
 
 from sysid.channels.column import Column, words
+from sysid.channels.conversion import convert
 from sysid.channels.roles import SWITCH, Columns, Roles, is_direction, role_by_name
 
 SET_POINT = words("setpoint sp reference ref goal target desired des sollwert")
@@ -61,22 +61,29 @@ def _answer(others: list[Column], goal: Column) -> Column | None:
     errors.sort()
     if not errors:
         return None
+    from scipy.special import fdtri
+
     by_chance = fdtri(len(changes), len(changes), 1.0 - _LEVEL)
     return others[errors[0][1]] if all(e > by_chance * errors[0][0] for e, _ in errors[1:]) else None
 
 
 def _is_given_out(column: Column, goal: Column) -> bool:
-    """Whether a column may be what a controller gives out: by its name, or where that says nothing, by its jumps."""
+    """Whether a column may be what a controller gives out: by its name, or where that says nothing, by its jumps.
+
+    Beside the goal of a servo, an angle, the name has to say so: it reports its load and its current, which jump too.
+    """
     role = role_by_name(column)
     if column.nearly_constant or role == "none":
         return False
     if role in ("input", "both") or column.header.has(_GIVEN_OUT):
         return True
-    return role == "" and _jumps_with(column, goal)
+    return role == "" and convert(goal.header.unit).unit != "rad" and _jumps_with(column, goal)
 
 
 def _jumps_with(column: Column, goal: Column) -> bool:
     """Whether a column answers at once where the set point changes: their jumps are correlated."""
+    from scipy.special import stdtr
+
     at = np.flatnonzero(np.diff(goal.values))
     at = at[at + _LATER < len(column.values)]
     jumps = np.column_stack([column.values[at + _LATER] - column.values[at], goal.values[at + 1] - goal.values[at]])

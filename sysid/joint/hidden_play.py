@@ -39,5 +39,8 @@ def hidden_play(fit: Fit, data: IOData) -> float:
     scale = np.linalg.norm(J, axis=0)
     J = J / np.where(scale > 0.0, scale, 1.0)
     own = changes - J @ np.linalg.lstsq(J, changes, rcond=_RCOND)[0]
-    told = float(np.sum(own**2, axis=0).min()) / colour_level(fit, data) ** 2
+    told, level = float(np.sum(own**2, axis=0).min()), colour_level(fit, data)
+    if not level > 0.0:  # a record without noise, which the joint follows exactly, tells all
+        return 0.0 if told > 0.0 else usual
+    told /= level**2
     return float(1.0 / np.sqrt(told + usual**-2))

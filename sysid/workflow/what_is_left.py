@@ -20,6 +20,7 @@ from sysid.workflow.results import Evaluation
 MANY = 3.0  # times the noise of a reading: noise is then a ninth of the squared error, and does not limit the fit
 WORSE = 2.0  # times the error on the estimation data: what the fit left there is a quarter of the squared error
 _CONSTANT = 2.0  # times the rest: a constant is then four fifths of the squared error
+ERROR = "the error"
 LARGER = "a larger model may explain it"
 _ROUNDED = 1.1  # times the deviation of the rounding: a fifth of the squared error at most is something else
 _ONLY_NOISE = 1.5  # times the noise of a reading: half of the squared rest at most is something else
@@ -124,12 +125,19 @@ def unexplained(e: Evaluation) -> str:
 
 
 def _left(e: Evaluation) -> Left:
-    return left_of(e.validation, e.validation_output, e.fit.n_init)
+    return left_of(e.validation, _runs(e)[1], e.fit.n_init)
+
+
+def _runs(e: Evaluation) -> tuple[np.ndarray, np.ndarray]:
+    """The runs that are judged on both parts: the prediction one step ahead where a free run adds up every error."""
+    if e.growing is not None and e.one_step is not None:
+        return e.one_step.estimation_output, e.one_step.validation_output
+    return e.estimation_output, e.validation_output
 
 
 def _close(e: Evaluation) -> bool:
-    """Whether an error is not judged: within `CLOSE` points of all, of data that were fitted, of a prediction."""
-    return not e.unseen or e.growing is not None or e.judged_fit >= 100.0 - CLOSE
+    """Whether an error is not judged: within `CLOSE` points of all, or of data that were fitted."""
+    return not e.unseen or e.judged_fit >= 100.0 - CLOSE
 
 
 def zeros_differ(e: Evaluation) -> bool:
@@ -147,32 +155,38 @@ def _constant(e: Evaluation, left: Left) -> str:
     """That the error on the validation data is mostly a constant; empty of another one."""
     output = e.outputs[left.output] if e.outputs else None
     name, unit = (output.name, output.unit) if output else (e.validation.y_name, e.validation.y_unit)
-    return left.constant(name, unit)
+    sentence = left.constant(name, unit)
+    return sentence.replace(ERROR, _error(e), 1)
+
+
+def _error(e: Evaluation) -> str:
+    return ERROR if e.growing is None else f"{ERROR} one step ahead"
 
 
 def _unexplained(e: Evaluation, left: Left) -> str:
     """The sentence of `unexplained` on an error that is no constant."""
     if not left.many:
         return ""
-    error = f"the error is {left.multiple}"
+    error = f"{_error(e)} is {left.multiple}"
     if not (e.fit.stop.converged or e.joint_fit is not None):
         return f"the search did not converge, and {error}"
-    seen = left_of(e.estimation, e.estimation_output, e.fit.n_init)
+    seen = left_of(e.estimation, _runs(e)[0], e.fit.n_init)
     if left.size > WORSE * seen.size:
         return f"{error} and {number(left.size / seen.size, 2)} times that on the estimation data"
-    return slow(left, e.fit, e.tests)
+    return slow(left, e.fit, e.tests, _error(e))
 
 
-def slow(left: Left, fit: Fit | NlarxFit, tests: ResidualTests | None) -> str:
-    """That a model may lack something: its error has memory and is many times the noise of a reading.
+def slow(left: Left, fit: Fit | NlarxFit, tests: ResidualTests | None, error: str = ERROR) -> str:
+    """That a model may lack something: its `error` has memory and is many times the noise of a reading.
 
-    A joint's residuals are rarely white, and no other structure fits better; a model that predicts takes memory for
-    noise of the plant.
+    A joint's residuals are rarely white, and no other structure fits better; the free run of a model that predicts
+    leaves the noise of the plant, whose memory it predicts.
     """
     recipe = TABLE.get(fit.model.structure)
-    if (recipe is not None and recipe.with_parts) or fit.predicts or tests is None or tests.white or not left.many:
+    accounted = (recipe is not None and recipe.with_parts) or (fit.predicts and error == ERROR)
+    if accounted or tests is None or tests.white or not left.many:
         return ""
-    return f"the error is slow and {left.multiple}; {LARGER}"
+    return f"{error} is slow and {left.multiple}; {LARGER}"
 
 
 def lasts(e: Evaluation) -> bool:

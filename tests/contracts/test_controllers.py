@@ -38,7 +38,7 @@ def written(folder, names, *columns):
         "target,pwm,temp",
         "setpoint [degC],heater [%],temperature [degC]",
         "goal [deg],duty,angle [deg]",
-        "goal [deg],valve,angle [deg]",
+        "set point [%],valve,level [%]",
     ],
 )
 def test_what_a_controller_gives_out_is_the_input_and_what_follows_the_set_point_the_output(tmp_path, names):
@@ -58,6 +58,7 @@ def test_what_a_controller_gives_out_is_the_input_and_what_follows_the_set_point
     [
         ("goal [deg],angle [deg]", None),
         ("goal [deg],current [A],angle [deg]", 1),  # of a servo's motor
+        ("goal [deg],drive_share,angle [deg]", 1),
         ("goal [deg],humidity,angle [deg]", "noise"),  # which does not jump with the goal
         ("goal [deg],voltage [V],angle [deg]", "supply"),
     ],

@@ -10,7 +10,7 @@ import sysid
 from sysid import IOData
 from sysid.report.answer import GOOD, POOR, USABLE
 from sysid.report.identify_answer import answer
-from sysid.structures import OutputError
+from sysid.structures import Armax, OutputError
 from sysid.workflow.identification import identify_file
 from sysid.workflow.setting import Setting
 from sysid.workflow.what_is_left import MANY, left_of
@@ -147,3 +147,19 @@ def test_a_model_that_follows_each_of_several_logs_is_good(capsys):
     assert GOOD in first
     (note,) = [line for line in rest if "levels of the outputs differ" in line]
     assert note.endswith("where each file has a zero of its own, --offset each gives it one.")
+
+
+@pytest.mark.parametrize("drift", [0.0, 3.0])
+def test_a_prediction_of_an_unstable_plant_is_not_good_beside_a_slow_error(drift):
+    """A pole at 1.02, held by feedback of readings whose zero drifts by some of their noise, later."""
+    rng, goal, x = np.random.default_rng(5), levels(6, -4.0, 4.0, hold=100), 0.0
+    u, y = np.zeros(N), np.zeros(N)
+    zero = np.interp(np.arange(N), [0, N // 2, N], [0.0, 0.0, drift * 0.02])
+    for k in range(N):
+        y[k] = x + zero[k] + 0.02 * rng.standard_normal()
+        u[k] = 3.0 * (goal[k] - y[k]) + 0.3 * rng.standard_normal()
+        x = 1.02 * x + 0.03 * u[k]
+    path = written("held.csv", {"u [V]": u}, y)
+    said = answer(identify_file(path, Setting(Armax(1, 1, 1), starts=1)))
+    assert said.word == (USABLE if drift else GOOD)
+    assert ("error one step ahead is" in said.sentence) is bool(drift)

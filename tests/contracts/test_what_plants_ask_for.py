@@ -80,7 +80,7 @@ def test_an_integrating_plant_is_offered_a_process_with_an_integrator(here, caps
     text = screen(capsys, *words)
     assert "good:" in text.splitlines()[0]
     gain = re.findall(r"^ gain +(\S+)", text, re.MULTILINE)
-    assert float(gain[0]) == pytest.approx(5e-4, rel=0.01)  # [m/%/s]
+    assert float(gain[0]) == pytest.approx(0.05, rel=0.01)  # [cm/%/s]
 
 
 def test_a_voltage_that_moves_an_angle_without_end_stops_leads_to_a_joint(here, capsys):

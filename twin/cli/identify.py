@@ -103,7 +103,7 @@ def identify(
 
     Columns and units are detected where that is beyond doubt; qpal info FILE shows how a file is read.
 
-    A fit takes seconds, and each search is shown; --structure auto ends after 110 s, or after --seconds.
+    Limit: starts, and iterations of each. Progress: each search. Budget: --seconds; 110 s for --structure auto.
     """
     if structure != AUTO and start is None:
         _compile_ahead(structure or recipes.DEFAULT, settings)
