@@ -85,7 +85,7 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
         costs = [_coverage_loss(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
         for k in np.argsort(costs, kind="stable")[:_CLOSE]:
             pair = _pair(_merge_blocks(data, cuts, choices[k]), _merge_blocks(data, cuts, ~choices[k]))
-            if not all(_moves(fold.estimation) for fold in pair):
+            if _moves(data) and not all(_moves(fold.estimation) for fold in pair):
                 stands_still = True
                 continue
             cost = costs[k] + float(np.mean([fold.lost for fold in pair]))
@@ -94,7 +94,8 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
     if best is None and stands_still:
         raise InputError(
             f"structures are judged on a part of the {data.N} samples that they were not fitted to, and the input "
-            "moves too rarely for two such parts; name a structure, a process for example, or record more changes"
+            "moves too rarely for two such parts; name a structure, a process for example, give the search more of the "
+            "record (qpal identify --split 0.7), or record more changes"
         )
     if best is None:
         raise InputError(f"the record has {data.N} samples in {len(data.lengths)} experiment(s); give a longer one")

@@ -363,9 +363,8 @@ def _sizes(result: Identification) -> Iterable[NextStep]:
     recipe = e.setting.recipe
     if result.selection is not None or isinstance(recipe, ActuatedJoint) or recipe.with_parts:
         return
-    too_large = (e.fall > OVERFITTED and not has_ample_samples(e.fit)) or (
-        e.growing is not None and bool(unexplained(e))
-    )
+    too_large = e.fall > OVERFITTED and not has_ample_samples(e.fit)
+    too_large |= e.growing is not None and bool(unexplained(e))
     for neighbour in sorted(recipe.neighbours(), key=_size, reverse=not too_large):
         if too_large or _size(neighbour) >= _size(recipe):
             better = "another size of this model does better"  # said where the trial has shown it
