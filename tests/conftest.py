@@ -90,12 +90,19 @@ def pytest_configure_node(node: Any) -> None:
     node.workerinput["day"] = node.config.stash[DAY]
 
 
+def _page(item: pytest.Item) -> str:
+    """The file of a test that shares a fixture with others, such as a page on which they go on from each other."""
+    fixtures = item._fixtureinfo.name2fixturedefs if isinstance(item, pytest.Function) else {}
+    shared = {name for name, found in fixtures.items() if found[-1].scope in ("module", "package", "class")}
+    return item.nodeid.partition("::")[0] if shared - {"_pictures_are_blank"} else ""
+
+
 @pytest.hookimpl(trylast=True)  # after pytest has grouped tests by their fixtures
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The nightly list is skipped by default, the tests of other days are left out of a run without names; every worker
     of xdist begins with long tests, so that none idles."""
     if (day := config.stash[DAY]) is not None:
-        items[:], others = of_the_day(items, lambda item: item.nodeid.partition("[")[0], day)
+        items[:], others = of_the_day(items, lambda item: item.nodeid.partition("[")[0], _page, day)
         config.hook.pytest_deselected(items=others)
     for item in items:
         if not FULL and item.get_closest_marker("nightly"):

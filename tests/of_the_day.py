@@ -14,14 +14,23 @@ DAYS = 2  # in which every test runs
 CASES = 8  # of one test on one day, at most
 
 
-def of_the_day(items: Sequence[Item], test: Callable[[Item], str], day: int) -> tuple[list[Item], list[Item]]:
-    """The items of this day and those of other days; items of one test are its cases."""
-    places: dict[str, list[int]] = defaultdict(list)
+def of_the_day(
+    items: Sequence[Item], test: Callable[[Item], str], together: Callable[[Item], str], day: int
+) -> tuple[list[Item], list[Item]]:
+    """The items of this day and those of other days; items of one test are its cases.
+
+    Items that have one name `together`, which is empty for others, run on one day: they build on each other.
+    """
+    places: dict[tuple[str, str], list[int]] = defaultdict(list)
     for place, item in enumerate(items):
-        places[test(item)].append(place)
+        name = together(item)
+        places[name, "" if name else test(item)].append(place)
     today = set()
-    for name, cases in places.items():
-        days = max(DAYS, -(-len(cases) // CASES))
-        first = (day + zlib.crc32(name.encode())) % days  # tests of one case fall on all days alike
-        today |= set(cases[first::days])
+    for (name, of_test), cases in places.items():
+        days = DAYS if name else max(DAYS, -(-len(cases) // CASES))
+        first = (day + zlib.crc32((name or of_test).encode())) % days  # tests of one case fall on all days alike
+        if name:
+            today |= set(cases) if first == 0 else set()
+        else:
+            today |= set(cases[first::days])
     return [x for k, x in enumerate(items) if k in today], [x for k, x in enumerate(items) if k not in today]

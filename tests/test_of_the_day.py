@@ -15,7 +15,7 @@ ITEMS = [(name, number) for name, size in SIZES.items() for number in range(size
 
 @pytest.mark.parametrize("day", [0, 1, 20_000])
 def test_a_day_has_half_of_all_and_no_more_than_some_cases_of_a_test(day):
-    today, others = of_the_day(ITEMS, lambda item: item[0], day)
+    today, others = of_the_day(ITEMS, lambda item: item[0], lambda item: "", day)
     assert sorted(today + others) == sorted(ITEMS)
     assert today == [item for item in ITEMS if item in today]
     counts = {name: sum(item[0] == name for item in today) for name in SIZES}
@@ -27,10 +27,20 @@ def test_a_day_has_half_of_all_and_no_more_than_some_cases_of_a_test(day):
 
 def test_days_in_turn_run_every_case():
     def days(n):
-        return {item for day in range(3, 3 + n) for item in of_the_day(ITEMS, lambda item: item[0], day)[0]}
+        return {
+            item for day in range(3, 3 + n) for item in of_the_day(ITEMS, lambda item: item[0], lambda item: "", day)[0]
+        }
 
     assert days(-(-590 // CASES)) == set(ITEMS)
     assert {item for item in ITEMS if item[0] != "d"} - days(DAYS + 1) == set()
+
+
+def test_what_builds_on_each_other_runs_on_one_day():
+    for day in (0, 1):
+        today, _ = of_the_day(ITEMS, lambda item: item[0], lambda item: "page" * (item[0] == "d"), day)
+        assert sum(item[0] == "d" for item in today) in (0, 590)
+    days = [of_the_day(ITEMS, lambda item: item[0], lambda item: "page" * (item[0] == "d"), k)[0] for k in range(DAYS)]
+    assert sum(("d", 0) in today for today in days) == 1
 
 
 FAMILY = """

@@ -322,9 +322,7 @@ def _offset(result: Identification) -> NextStep | None:
 
 
 def _integrator(result: Identification) -> Iterable[NextStep]:
-    """A process with an integrator, where the plant integrates as far as the record shows: one that settles only after
-    it, later than one time constant, has an end that nothing in the record determines.
-    """
+    """A process with an integrator, where the plant settles, if at all, after the record: nothing shows its end."""
     e = result.evaluation
     recipe = e.setting.recipe
     if result.selection is not None or e.outputs or recipe.with_parts or not lasts(e):
@@ -375,6 +373,8 @@ def _undetermined(result: Identification) -> Iterable[NextStep]:
     """What the model is without the values whose interval holds the least that they can be."""
     e = result.evaluation
     recipe, values = e.setting.recipe, {value.name: value for value in e.values}
+    if isinstance(recipe, ProcessModel) and lasts(e):  # an integrator, which no smaller process describes
+        return
     for name, (least, without) in recipe.parts(e.estimation.Ts).items():
         value = values.get(name)
         if value is not None and (value.low is None or value.high is None or value.low <= least <= value.high):

@@ -80,7 +80,9 @@ def tried(
     # Of steps whose gains are alike the smallest model is said, and of those the first; one that has evidence is alike
     # also where a guess is better by more than chance, but by nothing that counts.
     first = min(helpful, key=lambda t: t.left)
-    alike = [t for t in helpful if t.like(first) or (not t.step.guess and t.left <= first.left + CLOSE)]
+    alike = [
+        t for t in helpful if t.like(first) or (first.step.guess and not t.step.guess and t.left <= first.left + CLOSE)
+    ]
     best = min(alike, key=lambda t: (t.evaluation.fit.criteria.d, order.index(t.step.command)))
     # The motor that the record is of has to be compiled, or takes longer: it is said before a second best.
     tests, motor = best.evaluation.tests, [s for s in untried if s.change.get("structure") == ActuatedJoint.name]

@@ -57,7 +57,7 @@ def test_a_step_that_was_tried_brings_what_it_says(desk):
     before = desk.session.models["m1"]
     assert before.verdict.word == "poor"
     assert before.verdict.number == percent(before.fit_validation)
-    step = before.steps[0]
+    step = next(step for step in before.steps if step.words.startswith("output error"))
     assert step.words.startswith("output error (1,1,1")
     assert step.words.endswith(f" instead of {before.verdict.number}")
     assert "--" not in " ".join([*(s.words + s.why for s in before.steps), before.verdict.sentence, *before.notes])

@@ -82,5 +82,3 @@ def test_the_first_lines_are_for_a_newcomer(capsys):
     assert "--certificate" not in capsys.readouterr().out
     assert main(["--certificate"]) == 0
     assert "QPAL" in capsys.readouterr().out
-    assert main(["identify", "--help"]) == 0
-    assert not re.search(r"\b(Limit|Progress|Budget):", capsys.readouterr().out)

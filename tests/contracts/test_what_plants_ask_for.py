@@ -9,6 +9,10 @@ import shlex
 import numpy as np
 import pytest
 
+from sysid.structures import OutputError
+from sysid.workflow.identification import identify_file
+from sysid.workflow.next_step import proposals
+from sysid.workflow.setting import Setting
 from twin.cli import main
 
 
@@ -75,8 +79,9 @@ def test_an_integrating_plant_is_offered_a_process_with_an_integrator(here, caps
     level = 50.0 + np.r_[0.0, np.cumsum(0.05 * (u - 40.0))[:-1]] + 0.2 * rng.standard_normal(n)
     write("tank.csv", "t [s],inflow [%],level [cm]", 1.0 * np.arange(n), u, level)
     columns = ("--input", "inflow [%]", "--output", "level [cm]")
-    words = next_of(screen(capsys, "identify", "tank.csv", *columns, "--structure", "process"))
-    assert words[-4:] == ["--structure", "process", "--kind", "P0I"]
+    tried = ("--trials", "30")  # a busy machine tries less
+    words = next_of(screen(capsys, "identify", "tank.csv", *columns, "--structure", "process", *tried))
+    assert words[words.index("--structure") :][:4] == ["--structure", "process", "--kind", "P0I"]
     text = screen(capsys, *words)
     assert "good:" in text.splitlines()[0]
     gain = re.findall(r"^ gain +(\S+)", text, re.MULTILINE)
@@ -124,6 +129,6 @@ def test_only_what_may_be_a_place_is_offered_end_stops(column, leads, here, caps
         y[k] = y[k - 1] + (2.0 * min(u[k - 1], 60.0) - y[k - 1]) / 20.0
     write("sat.csv", f"t [s],heater [%],{column}", 1.0 * np.arange(n), u, 20.0 + y + 0.1 * rng.standard_normal(n))
     assert next_of(screen(capsys, "info", "sat.csv"))[2:4] == ["--structure", leads]
-    text = screen(capsys, "identify", "sat.csv", "--structure", "output_error", "--orders", "1,1,1", "--starts", "1")
-    assert ("actuated_joint" in text) == (leads == "actuated_joint")
-    assert leads == "actuated_joint" or "end stop" not in text
+    result = identify_file("sat.csv", Setting(OutputError(1, 1, 1), starts=1), trials=0.0)
+    offered = {step.change.get("structure") for step in proposals(result)}  # what is said depends on what was tried
+    assert ("actuated_joint" in offered) == (leads == "actuated_joint")
