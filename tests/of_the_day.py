@@ -29,8 +29,5 @@ def of_the_day(
     for (name, of_test), cases in places.items():
         days = DAYS if name else max(DAYS, -(-len(cases) // CASES))
         first = (day + zlib.crc32((name or of_test).encode())) % days  # tests of one case fall on all days alike
-        if name:
-            today |= set(cases) if first == 0 else set()
-        else:
-            today |= set(cases[first::days])
+        today |= set(cases[first::days] if not name else cases if first == 0 else ())
     return [x for k, x in enumerate(items) if k in today], [x for k, x in enumerate(items) if k not in today]

@@ -73,7 +73,7 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
     halved so.
     """
     best: tuple[float, tuple[Fold, Fold]] | None = None
-    stands_still = False
+    moves, stands_still = _moves(data), False
     marks = _marks(data)
     for count in COUNTS:
         cuts = _cuts(data, count)
@@ -85,7 +85,7 @@ def folds(data: IOData) -> tuple[Fold, Fold]:
         costs = [_coverage_loss(counts, part) + _PRICE * _pieces(part, cuts, data) for part in choices]
         for k in np.argsort(costs, kind="stable")[:_CLOSE]:
             pair = _pair(_merge_blocks(data, cuts, choices[k]), _merge_blocks(data, cuts, ~choices[k]))
-            if _moves(data) and not all(_moves(fold.estimation) for fold in pair):
+            if moves and not all(_moves(fold.estimation) for fold in pair):
                 stands_still = True
                 continue
             cost = costs[k] + float(np.mean([fold.lost for fold in pair]))

@@ -65,8 +65,8 @@ class Left:
         return f"{number(self.times, 2)} times the noise of a reading" if np.isfinite(self.times) else "no noise"
 
     @np.errstate(over="ignore", invalid="ignore")
-    def constant(self, name: str, unit: str) -> str:
-        """The sentence on an error that is mostly a constant; empty for another one. `name`, `unit` of the output."""
+    def constant(self, name: str, unit: str, error: str = ERROR) -> str:
+        """The sentence on an `error` that is mostly a constant; empty for another one. `name`, `unit` of the output."""
         shift = float(np.sqrt(np.mean(np.square(self.constants))))
         if not shift > _CONSTANT * max(self.rest, self.noise):
             return ""
@@ -76,11 +76,9 @@ class Left:
         only = "only noise" if is_noise else f"{number(q.factor * self.rest, 3)} {q.unit}"
         slow = "" if is_noise else ", or something slow that the model lacks"
         if low == high:
-            return f"the error is a constant {low} {q.unit}: another zero{slow}; apart from it {only}".replace(
-                "  ", " "
-            )
+            return f"{error} is a constant {low} {q.unit}: another zero{slow}; apart from it {only}".replace("  ", " ")
         return (
-            f"the error is a constant in each experiment, from {low} to {high} {q.unit}: their zeros differ{slow}; "
+            f"{error} is a constant in each experiment, from {low} to {high} {q.unit}: their zeros differ{slow}; "
             f"apart from them {only}"
         )
 
@@ -155,8 +153,7 @@ def _constant(e: Evaluation, left: Left) -> str:
     """That the error on the validation data is mostly a constant; empty of another one."""
     output = e.outputs[left.output] if e.outputs else None
     name, unit = (output.name, output.unit) if output else (e.validation.y_name, e.validation.y_unit)
-    sentence = left.constant(name, unit)
-    return sentence.replace(ERROR, _error(e), 1)
+    return left.constant(name, unit, _error(e))
 
 
 def _error(e: Evaluation) -> str:
