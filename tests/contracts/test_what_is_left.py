@@ -163,3 +163,4 @@ def test_a_prediction_of_an_unstable_plant_is_not_good_beside_a_slow_error(drift
     said = answer(identify_file(path, Setting(Armax(1, 1, 1), starts=1)))
     assert said.word == (USABLE if drift else GOOD)
     assert ("error one step ahead is" in said.sentence) is bool(drift)
+    assert ("times that on the estimation data" in said.sentence) is bool(drift)
