@@ -28,7 +28,7 @@ from sysid.solver.searches import search as make_search
 # Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
 # The first iterations always use Levenberg-Marquardt, the most reliable search far from an optimum.
 _TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
-_ROUNDS, _PER_ROUND = 3, 6  # of the portfolio, and its candidates in one round
+_ROUNDS, _PER_ROUND = 6, 6  # of the portfolio, and its candidates in one round
 ENOUGH = 2  # independent starts at one optimum end the rounds
 SAME = 1.02  # losses within this ratio are one optimum
 _MOVES, _WORTH = 6, 0.995  # times that break points move, while the loss falls below this share
@@ -193,7 +193,7 @@ def _search_rounds(context: SearchContext, seed: int, count: int | None) -> Sear
         costs += result.costs
         members += result.members
         best = replace(result, costs=(), members=())
-        enough = ENOUGH + (turn == 0 and _residuals_are_autocorrelated(best))
+        enough = ENOUGH + _residuals_are_autocorrelated(best)
         if (count is None and best.agreed >= enough) or context.out_of_time:
             break
     if best is None or not np.isfinite(best.outcome.cost):
