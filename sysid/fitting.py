@@ -71,7 +71,7 @@ def fit(
     """Fit a chain to a record of one or several merged experiments by least squares on its free-run output.
 
     search: a name of `sysid.solver.searches.TABLE`; starts: "auto", which goes on until two independent starts agree
-    (`Fit.agreed`) or three rounds are over, or how many starting points; `seed` draws them; start (P,) or (K, P): one
+    (`Fit.agreed`) or six rounds are over, or how many starting points; `seed` draws them; start (P,) or (K, P): one
     or several starting points to use instead, or a fit of the same model; objective: Huber's threshold, ridge, output
     weights, and the curvature weight that prevents kinks of free maps without data (on by default: `Objective`). Equal
     seeds give equal numbers for any number of threads. Raises InputError for a record that is too short, has other

@@ -50,7 +50,7 @@ def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
     starts = []
     for way in ("quantiles", "kinks", "even"):
         theta, x = [], data.u[:, 0]
-        for true, block in zip(plant.chain.blocks, model.blocks, strict=True):
+        for true, block in zip(plant.chain.blocks, model.blocks, strict=False):
             part = plant.theta[plant.chain.index(true)]
             if (isinstance(block, PiecewiseLinear) and not isinstance(true, PiecewiseLinear)) or block != true:
                 places = _places(true, part, x, block.n, way)
@@ -58,6 +58,7 @@ def from_truth(plant: Plant, model: Chain, data: IOData) -> float:
             else:
                 theta.append(part)
             x = true.output(part, x)
+        theta += [np.zeros(block.n_parameters) for block in model.blocks[len(theta) :]]  # an offset of the output
         starts.append(np.concatenate(theta))
         if model.blocks == plant.chain.blocks:
             break

@@ -6,10 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from sysid.base.errors import unknown
 from sysid.base.parallel import available_cores
 from sysid.data.record import IOData
+from sysid.estimation.free_run import autoregression
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.prior import Prior
@@ -33,7 +35,7 @@ ENOUGH = 2  # independent starts at one optimum end the rounds
 SAME = 1.02  # losses within this ratio are one optimum
 _MOVES, _WORTH = 6, 0.995  # times that break points move, while the loss falls below this share
 _AFTER_MOVE = 40  # iterations after break points have moved
-_COLOURED = 0.5  # correlation of neighbouring residuals above which agreement must be wider
+_REMEMBERED = 0.1  # share of their variance that residuals tell ahead: a loss 1.1 times that of white noise alone
 _OTHER_POLES = 3  # pole sets tried once the maps are known
 _UPDATES = 4  # times that the curvature weight follows the residuals
 _WINDOW = 20_000  # samples that show where break points belong
@@ -193,7 +195,7 @@ def _search_rounds(context: SearchContext, seed: int, count: int | None) -> Sear
         costs += result.costs
         members += result.members
         best = replace(result, costs=(), members=())
-        enough = ENOUGH + _residuals_are_autocorrelated(best)
+        enough = ENOUGH + _residuals_remember(best)
         if (count is None and best.agreed >= enough) or context.out_of_time:
             break
     if best is None or not np.isfinite(best.outcome.cost):
@@ -201,12 +203,14 @@ def _search_rounds(context: SearchContext, seed: int, count: int | None) -> Sear
     return replace(best, costs=tuple(costs), members=tuple(members))
 
 
-def _residuals_are_autocorrelated(result: SearchResult) -> bool:
-    """Whether the residuals go on from sample to sample: coloured noise, or a wrong optimum on which starts agree."""
+def _residuals_remember(result: SearchResult) -> bool:
+    """Whether the past of the residuals tells them: coloured noise, or a wrong optimum on which starts agree."""
     e = result.problem.plain.residual(result.outcome.p)
-    if e is None or not min(np.ptp(e[1:]), np.ptp(e[:-1])) > 0.0:  # an exact model, but for one end perhaps
+    if e is None:
         return False
-    return float(np.corrcoef(e[1:], e[:-1])[0, 1]) > _COLOURED
+    a = autoregression(e, (len(e),))
+    w = lfilter([1.0, *(-x for x in a)], [1.0], e)
+    return float(w @ w) < (1.0 - _REMEMBERED) * float(e @ e)
 
 
 def _search_round(context: SearchContext, points: list[StartingPoint], previous: SearchResult | None) -> SearchResult:

@@ -1,18 +1,22 @@
 """Automatic starts: which one a chain gets, and what every starting point keeps to."""
 
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, LimitedIntegrator, Motor, Play, ProfiledMotor, TransferFunction, dynamic
 from sysid.data.record import IOData
+from sysid.estimation import search
 from sysid.estimation.fit import without_agreement
-from sysid.estimation.search import SearchResult
+from sysid.estimation.objective import Objective
+from sysid.estimation.search import SearchContext, SearchResult
 from sysid.estimation.starts import TABLE, starts
 from sysid.model.chain import Chain
+from sysid.solver.iterate import Options
 from sysid.structures import (
     actuated_joint,
     armax,
@@ -98,3 +102,31 @@ def test_a_search_without_agreement_speaks_of_the_starts_that_were_given():
     assert said(20)[0].startswith("of 20 starts 5 were searched to the end, and only one came to this loss")
     assert said("auto")[0].startswith("5 starts were searched, and only one")
     assert said(20, agreed=2) == said(1, searched=1) == ()
+
+
+def result(e: np.ndarray, agreed: int) -> SearchResult:
+    """A search that ended with these residuals, on which so many starts agreed."""
+    problem = SimpleNamespace(plain=SimpleNamespace(residual=lambda p: e), thetas=lambda p: np.zeros((1, 1)))
+    outcome = SimpleNamespace(p=np.zeros(1), cost=1.0)
+    return SearchResult(cast(Any, problem), cast(Any, outcome), (), (), agreed)
+
+
+@pytest.mark.parametrize(
+    ("memory", "agreed", "rounds"),
+    [
+        (0.0, [2, 3], 1),
+        (0.0, [1, 1, 1, 1, 2, 3], 5),  # a wrong optimum of 28 times the noise was given up after three
+        (0.8, [2, 2, 3, 4], 3),  # two had agreed on one of 46 times the noise, whose errors remember
+        (-0.8, [2, 2, 3, 4], 3),  # and those that swing, on one of 3100 times
+        (0.2, [2, 3], 1),  # tells itself 4 % of its variance
+        (0.8, [1] * 20, 6),
+    ],
+)
+def test_rounds_go_on_until_enough_starts_agree_for_errors_like_these(monkeypatch, memory, agreed, rounds):
+    e = lfilter([1.0], [1.0, -memory], np.random.default_rng(0).standard_normal(2000))
+    turns = iter(agreed)
+    monkeypatch.setattr(search, "starting_points", lambda *given: [object()])
+    monkeypatch.setattr(search, "_search_round", lambda *given: result(e, next(turns)))
+    context = SearchContext(output_error(1, 1, 0), record(), Objective(), "lm", Options().begun(), None)
+    assert search.search_portfolio(context, 0, None).agreed == agreed[rounds - 1]
+    assert len(agreed) - len(list(turns)) == rounds

@@ -155,13 +155,17 @@ class Screen:
     def _hammerstein(self, member: str, f: np.ndarray) -> Candidate | None:
         """B and the input curves from one regression over both, made of rank one and then improved in turns.
 
-        Lists have an item for each input: s, c and h the values of its curve, b and G4 and h its lags.
+        A curve's level is apart from its shape: for a slow filter a level at one lag and the same below 0 at the next
+        cancel, and would hide all else in the rank. With a curve behind, the regression is no more than a hint, and
+        levels help it. Lists have an item for each input: s, c and h the values of its curve, less that at its first
+        place if levels are apart, b and G4 and h its lags.
         """
-        A = self.hat_lags(f)
-        shapes = [(entry.nb, len(knots)) for entry, knots in zip(self.filters, self.knots, strict=True)]
+        apart = not self.behind
+        A, levels = self.hat_lags(f, int(apart)), self.levels(f)[:, : None if apart else 0]
+        shapes = [(entry.nb, len(knots) - apart) for entry, knots in zip(self.filters, self.knots, strict=True)]
         ends = np.cumsum([n * k for n, k in shapes])[:-1]
-        part = A[self.n_initial :]
-        G, h_all = part.T @ part, part.T @ self.target
+        part, target = (_residual(levels, x) for x in (A[self.n_initial :], self.target))
+        G, h_all = part.T @ part, part.T @ target
         G += 1e-9 * np.trace(G) / len(G) * np.eye(len(G))
 
         def by_input(x: np.ndarray) -> list[np.ndarray]:
@@ -181,13 +185,20 @@ class Screen:
         except np.linalg.LinAlgError:
             return None
         outer = np.concatenate([np.outer(bi, ci).ravel() for bi, ci in zip(b, c, strict=True)])
-        return self._rate(member, np.concatenate(b), f, A @ outer, list(zip(self.knots, c, strict=True)))
+        values = [np.concatenate([[0.0] * apart, ci]) for ci in c]
+        candidate = self._rate(member, np.concatenate(b), f, A @ outer, list(zip(self.knots, values, strict=True)))
+        return replace(candidate, loss=float(np.var(target - part @ outer))) if candidate and apart else candidate
 
-    def hat_lags(self, f: np.ndarray) -> np.ndarray:
-        """Columns (N, nb k) of each input's hat functions through 1/F, delayed; those of one lag stand together."""
+    def levels(self, f: np.ndarray) -> np.ndarray:
+        """Columns (M, 1 + nu) of what is judged: a constant, and the step response of each 1/F."""
+        steps = [lfilter([1.0], F, np.ones(len(self.u))) for F in self.denominators_of(f)]
+        return np.column_stack([np.ones(len(self.u)), *steps])[self.n_initial :]
+
+    def hat_lags(self, f: np.ndarray, first: int = 0) -> np.ndarray:
+        """Columns (N, nb k) of each input's hat functions from `first` through 1/F, delayed; a lag's stand together."""
         lags = []
         for entry, F, u, knots in zip(self.filters, self.denominators_of(f), self.inputs, self.knots, strict=True):
-            H = lfilter([1.0], F, curves.hat_functions(u, knots), axis=0)
+            H = lfilter([1.0], F, curves.hat_functions(u, knots)[:, first:], axis=0)
             for i in range(entry.nk, entry.nk + entry.nb):
                 column = np.zeros_like(H)
                 column[i:] = H[: len(H) - i]
@@ -209,6 +220,11 @@ class Screen:
 
 def _solve(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(X, y, rcond=1e-10)[0]
+
+
+def _residual(X: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """What columns X leave of y."""
+    return np.asarray(y - X @ _solve(X, y)) if X.size else y
 
 
 def _solve_blocks(
