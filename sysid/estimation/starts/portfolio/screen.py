@@ -13,7 +13,8 @@ from sysid.estimation.starts.portfolio import curves
 from sysid.model.chain import columns
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
-_INPUT, _OUTPUT = 6, 12  # places of the curves that rank
+_INPUT, _OUTPUT = (6, 12), 12  # places of the curves that rank; of the input as many as samples tell
+_SAMPLES = 25  # for a value of a curve
 _TURNS = 4  # of B for the input curve and the input curve for B
 _DIRECTIONS = 3  # of B, from the quadratic regression
 Curves = list[tuple[np.ndarray, np.ndarray]]  # places and values (k,) for each input
@@ -81,7 +82,9 @@ class Screen:
     @cached_property
     def knots(self) -> list[np.ndarray]:
         """Places (k,) of each input's curve."""
-        return [curves.places(u, _INPUT) for u in self.inputs]
+        fewest, most = _INPUT
+        counts = [min(max(len(self.u) // (_SAMPLES * entry.nb), fewest), most) for entry in self.filters]
+        return [curves.places(u, k) for u, k in zip(self.inputs, counts, strict=True)]
 
     @cached_property
     def target(self) -> np.ndarray:
