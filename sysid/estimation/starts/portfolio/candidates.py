@@ -69,7 +69,7 @@ def starting_points(
     """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
-    ladder = _LADDER
+    first = 0
     if len(filter_blocks(chain)) == 2:
         chosen_candidates = _distinct(
             two_filters.splits(chain, part, rng, turn, count > 1, theta_best), min(count, _LADDER[0][0])
@@ -79,8 +79,8 @@ def starting_points(
         chosen_candidates = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
         field = [surrogate_of(chain, c, part) for c in chosen_candidates]
         # Where the screen has solved for the curves, fewer places than it has would lose what they tell.
-        ladder = _LADDER if screen_of(chain, part).behind else _LADDER[1:]
-    for width, knots, steps in ladder if count > 1 else _LADDER[1:2]:
+        first = 0 if screen_of(chain, part).behind else 1
+    for width, knots, steps in _LADDER[first:] if count > 1 else _LADDER[1:2]:
         knots = max(4, min(knots, part.N // 25))
         field = [s.lay_places(part, knots).search(part, steps, curvature) for s in field[: min(width, count)]]
         field.sort(key=lambda s: s.loss)
