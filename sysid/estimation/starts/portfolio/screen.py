@@ -13,7 +13,7 @@ from sysid.estimation.starts.portfolio import curves
 from sysid.model.chain import columns
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
-_INPUT, _OUTPUT = (6, 12), 12  # places of the curves that rank; of the input as many as samples tell
+FEWEST, _MOST, _OUTPUT = 6, 12, 12  # places of the curves that rank: of the input as many as samples tell, and behind
 _SAMPLES = 25  # for a value of a curve
 _TURNS = 4  # of B for the input curve and the input curve for B
 _DIRECTIONS = 3  # of B, from the quadratic regression
@@ -45,6 +45,7 @@ class Screen:
     linear: Block
     before: bool
     behind: bool
+    most: int = _MOST  # places of an input's curve
 
     @cached_property
     def inputs(self) -> list[np.ndarray]:
@@ -82,8 +83,7 @@ class Screen:
     @cached_property
     def knots(self) -> list[np.ndarray]:
         """Places (k,) of each input's curve."""
-        fewest, most = _INPUT
-        counts = [min(max(len(self.u) // (_SAMPLES * entry.nb), fewest), most) for entry in self.filters]
+        counts = [min(max(len(self.u) // (_SAMPLES * entry.nb), FEWEST), self.most) for entry in self.filters]
         return [curves.places(u, k) for u, k in zip(self.inputs, counts, strict=True)]
 
     @cached_property

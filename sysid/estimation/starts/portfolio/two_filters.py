@@ -18,7 +18,7 @@ from sysid.estimation.starts._start import best_output_error, delay, denominator
 from sysid.estimation.starts.portfolio import curves
 from sysid.estimation.starts.portfolio.curves import is_map, line
 from sysid.estimation.starts.portfolio.members import curved_input, even_part, random_poles
-from sysid.estimation.starts.portfolio.screen import Candidate, Screen
+from sysid.estimation.starts.portfolio.screen import FEWEST, Candidate, Screen
 from sysid.estimation.starts.portfolio.surrogate import Surrogate
 from sysid.model.chain import Chain
 
@@ -119,7 +119,7 @@ def _rest(
     if not np.all(np.isfinite(w)) or not w.std() > 0.0:
         return []
     b, w = b / w.std(), w / w.std()
-    screen = Screen(w, y, second, before=True, behind=False)
+    screen = Screen(w, y, second, before=True, behind=False, most=FEWEST)  # w is a guess: more places follow its errors
     try:
         choices = [poles] if poles is not None else list(curved_input(screen, np.random.default_rng(0)))
     except np.linalg.LinAlgError:
