@@ -192,7 +192,8 @@ def _result(model: Chain, data: IOData, normal: Normal, result: SearchResult) ->
         history=outcome.history,
         warnings=(
             *_warnings(model, theta, covariance, outcome),
-            *(worse_than_constant(data, mse) or missing_offset(problem, outcome.p)),
+            *_few_samples(N, d),
+            *(worse_than_constant(model, data, mse) or missing_offset(problem, outcome.p)),
         ),
         losses=tuple(c * normal.size**2 / N for c in result.costs),
         members=result.members,
@@ -314,6 +315,16 @@ def _warnings(model: Chain, theta: np.ndarray, cov: Covariance, outcome: Outcome
     if not model.predicts and motion(poles) != Motion.STABLE:
         warnings.append("a pole lies on the unit circle: the model integrates, or the data drift")
     return tuple(warnings)
+
+
+def _few_samples(N: int, d: float) -> tuple[str, ...]:
+    """A warning where errors on other records have three times the noise's variance or more (FPE, Ljung 1999)."""
+    if 2 * d < N:
+        return ()
+    return (
+        f"the model has {d:.0f} effective parameters and the record {N} samples: it follows the noise; lower the orders, "
+        "choose a smaller structure, or record more",
+    )
 
 
 def _unsettled(fit: Fit) -> tuple[str, ...]:

@@ -25,6 +25,7 @@ from sysid.estimation.starts._start import (
 )
 from sysid.estimation.starts.portfolio.candidates import applies
 from sysid.model.chain import Chain
+from sysid.model.recipes import hold_offset
 from sysid.solver.iterate import SMALL, iterate, time_limit
 from sysid.solver.searches import LevenbergMarquardt
 
@@ -187,15 +188,16 @@ def _cost(problem: ChainProblem, p: np.ndarray) -> float:
     return float(e @ e) if e is not None and np.all(np.isfinite(e)) else np.inf
 
 
-def worse_than_constant(data: IOData, mse: float) -> tuple[str, ...]:
+def worse_than_constant(model: Chain, data: IOData, mse: float) -> tuple[str, ...]:
     """A warning where the free run with this mean square error is further from the output than its own mean."""
     columns = [y[observed] for y, observed in zip(data.y.T, data.observed.T, strict=True)]
     squares = sum(float(np.sum((y - y.mean()) ** 2)) for y in columns)
     if not mse * data.observed.sum() > _CLEAR * squares:
         return ()
+    offset = "" if hold_offset(model.blocks) else f"{_OFFSET.format('free')}, or "
     return (
-        "the free run is further from the output than the output's own mean: give the structure an offset of its "
-        'output (offset="free"), or choose another structure or other orders',
+        f"the free run is further from the output than the output's own mean: {offset}choose another structure or "
+        "other orders",
     )
 
 
@@ -240,7 +242,8 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
         for part, _ in problem.chain.dynamics:
             of_filters[part] = True
         by_maps = _rest(J[:, ~of_filters[problem.moving]], np.ones(len(e)))  # but for the filters' transient
-        return (_SLOW,) if float(by_maps @ by_maps) > 0.5 * len(e) else ()
+        slow = float(by_maps @ by_maps) > 0.5 * len(e)
+        return (f"{_SLOW}{_remedy(problem.chain)}",) if slow else ()
     offset = float(left @ constant) / (share * len(e))
     rest = left - offset * constant
     noise = noise_model(rest, np.column_stack([J, constant]), (len(e),))
@@ -256,8 +259,16 @@ def missing_offset(problem: ChainProblem, p: np.ndarray) -> tuple[str, ...]:
 
 _SLOW = (
     "a pole is slower than the record, and its initial state takes the place of an offset: if the plant does not "
-    'integrate, give the structure an offset of its output (offset="free")'
+    "integrate, "
 )
+_OFFSET = 'give the structure an offset of its output (offset="{}")'
+
+
+def _remedy(chain: Chain) -> str:
+    """What takes the place of the pole: where a map holds what the filter does not let through, one for each record."""
+    if len(chain.dynamics) > 1:
+        return "lower the orders, or record for several times its time constant"
+    return _OFFSET.format("each" if hold_offset(chain.blocks) else "free")
 
 
 def _rest(J: np.ndarray, x: np.ndarray) -> np.ndarray:

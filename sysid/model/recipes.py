@@ -272,7 +272,7 @@ def with_offset(blocks: Sequence[Block], ny: int, offset: str) -> tuple[Block, .
     """
     if offset not in OFFSETS:
         raise unknown("offset", offset, OFFSETS)
-    if offset == "none" or (offset == "free" and _hold_offset(blocks)):
+    if offset == "none" or (offset == "free" and hold_offset(blocks)):
         return tuple(blocks)
     return (*blocks, maps(Offset(each=offset == "each"), "offset", ny))
 
@@ -284,7 +284,7 @@ def offset_of_input(offset: str) -> tuple[Block, ...]:
     return () if offset == "none" else (Offset(role="offset", each=offset == "each"),)
 
 
-def _hold_offset(blocks: Sequence[Block]) -> bool:
+def hold_offset(blocks: Sequence[Block]) -> bool:
     """Whether a map holds any offset of each output: one that moves its output while its input stays.
 
     From the end on, a saturation whose limits move and a filter of one channel pass what a map before them holds.

@@ -6,6 +6,7 @@ from often import often
 from scipy.signal import cont2discrete, lfilter
 
 import sysid
+from sysid import IOData, structures
 from sysid.estimation.starts.portfolio.candidates import starting_points
 from sysid.structures import Hammerstein, OutputError, Wiener, hammerstein, hammerstein_wiener, output_error, wiener
 from sysid.workflow.identification import identify_file
@@ -133,3 +134,38 @@ def test_a_record_without_an_offset_is_not_said_to_have_one():
         for model in (output_error(1, 1, 1), wiener(1, 1, 1, "saturation"), wiener(1, 1, 1)):
             fit = sysid.fit(model, _filtered(seed, 0.0)[0], starts=1)
             assert not any("offset" in text for text in fit.warnings)
+
+
+def without_gain(seed: int) -> IOData:
+    """A saturation before a filter that lets no constant through, an output that stands at 1, 2 % noise."""
+    rng = np.random.default_rng([seed, 5])
+    u = lfilter([1.0], [1.0, -0.5], rng.standard_normal(250))
+    y = lfilter([0.0, 1.0, -1.0], [1.0, -0.5, 0.3], np.clip(u, -1.0, 1.0)) + 1.0
+    return IOData(u, y + 0.02 * rng.standard_normal(250))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_pole_in_the_place_of_an_offset_leads_to_one_that_the_structure_takes(seed):
+    """offset="free" adds none where a map holds one, and two filters around a map take none at all."""
+    record = without_gain(seed)
+    told = " ".join(sysid.fit(structures.hammerstein(2, 2, 1), record).warnings)
+    assert "takes the place of an offset" in told
+    assert 'offset="each"' in told
+    next_fit = sysid.fit(structures.hammerstein(2, 2, 1, offset="each"), record)
+    assert next_fit.criteria.mse < 1.1 * 0.02**2
+    assert "takes the place of an offset" not in " ".join(next_fit.warnings)
+    told = " ".join(sysid.fit(structures.wiener_hammerstein(1, 1, 1, nb2=2, nf2=2), record).warnings)
+    assert "takes the place of an offset" in told
+    assert "offset=" not in told
+
+
+def test_a_model_of_as_many_parameters_as_samples_says_so():
+    """60 samples for two maps and six poles and zeros: maps that go through every sample."""
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.standard_normal(12), 5)
+    y = np.tanh(lfilter([0.0, 0.3], [1.0, -0.8], np.clip(u, -1.0, 1.0))) + 0.3 * rng.standard_normal(60)
+    fit = sysid.fit(structures.hammerstein_wiener(3, 3, 1), IOData(u, y))
+    assert fit.criteria.d > 30
+    assert any("effective parameters and the record 60 samples: it follows the noise" in w for w in fit.warnings)
+    few = sysid.fit(structures.output_error(1, 1, 1), IOData(u, y))
+    assert not any("it follows the noise" in w for w in few.warnings)
