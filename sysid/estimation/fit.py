@@ -322,8 +322,8 @@ def _few_samples(N: int, d: float) -> tuple[str, ...]:
     if 2 * d < N:
         return ()
     return (
-        f"the model has {d:.0f} effective parameters and the record {N} samples: it follows the noise; lower the orders, "
-        "choose a smaller structure, or record more",
+        f"the model has {d:.0f} effective parameters and the record {N} samples: it follows the noise; lower the "
+        "orders, choose a smaller structure, or record more",
     )
 
 
