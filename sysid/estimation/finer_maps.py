@@ -28,7 +28,7 @@ from sysid.model.chain import Chain
 from sysid.solver.linearisation import Linearisation
 
 _ROUNDS, _ITERATIONS, _UPDATES = 8, 5, 80  # linearisations, steps of the search in each, and updates of the widths
-_LAST = 40  # steps with the last widths
+_LAST = 200  # steps with the last widths: the curves of weak priors end slowly
 _STEADY = 0.02  # largest change of a log precision in an update that ends them
 _SETTLED = 0.1  # the same between two rounds
 _UNSETTLED = 2  # rounds before that counts

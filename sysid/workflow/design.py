@@ -123,7 +123,7 @@ def propose(
     fit = found.fit
     experiment = design(fit, data, targets, volts, strike, seed, sample, to_stops=to_stops, use=wanted, clock=clock)
     if wanted is not None:
-        experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data)))
+        experiment = replace(experiment, notes=(*experiment.notes, *_beyond(wanted, experiment, data, volts)))
     if judgement.undetermined:
         experiment = replace(experiment, notes=(judgement.sentence().rstrip("."), *experiment.notes))
     if found.stopped:
@@ -150,16 +150,18 @@ def input_of_use(path: str, record: Record) -> np.ndarray:
     return u
 
 
-def _beyond(u: np.ndarray, experiment: Design, data: IOData) -> tuple[str, ...]:
-    """A note where the input of use goes farther than the log and the experiment do."""
+def _beyond(u: np.ndarray, experiment: Design, data: IOData, volts: float | None) -> tuple[str, ...]:
+    """A note where the input of use goes farther than the log and the experiment, whose inputs reach `volts`, do."""
     tried = np.concatenate([experiment.u, data.u[:, 0]])
     (low, high), (least, most) = ((float(np.min(x)), float(np.max(x))) for x in (u, tried))
     if max(least - low, high - most) <= _LITTLE * (most - least):
         return ()
-    unit = experiment.units[0]
+    unit, top = experiment.units[0], float(np.abs(u).max())
+    allowed = volts or float(np.abs(data.u).max())
+    remedy = f"allow it with --volts {top:.4g}" if top > allowed else "a longer log, or one of larger inputs, tries it"
     return (
         f"the input of use goes from {low:.3g} to {high:.3g} {unit}, the log and the experiment from {least:.3g} to "
-        f"{most:.3g}: beyond this the expected deviation is not tried; allow it with --volts",
+        f"{most:.3g}: beyond this the expected deviation is not tried; {remedy}",
     )
 
 
