@@ -6,12 +6,11 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.signal import lfilter
 
 from sysid.base.errors import unknown
 from sysid.base.parallel import available_cores
 from sysid.data.record import IOData
-from sysid.estimation.free_run import autoregression
+from sysid.estimation.free_run import autoregression, forecast
 from sysid.estimation.initial_state import with_initial_states
 from sysid.estimation.objective import Objective, spread
 from sysid.estimation.prior import Prior
@@ -209,7 +208,7 @@ def _residuals_remember(result: SearchResult) -> bool:
     if e is None:
         return False
     a = autoregression(e, (len(e),))
-    w = lfilter([1.0, *(-x for x in a)], [1.0], e)
+    w = e - forecast(e, a, 1)
     return float(w @ w) < (1.0 - _REMEMBERED) * float(e @ e)
 
 

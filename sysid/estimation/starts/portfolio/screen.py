@@ -164,7 +164,7 @@ class Screen:
         place if levels are apart, b and G4 and h its lags.
         """
         apart = not self.behind
-        A, levels = self.hat_lags(f, int(apart)), self.levels(f)[:, : None if apart else 0]
+        A, levels = self.hat_lags(f, int(apart)), self.levels(f) if apart else None
         shapes = [(entry.nb, len(knots) - apart) for entry, knots in zip(self.filters, self.knots, strict=True)]
         ends = np.cumsum([n * k for n, k in shapes])[:-1]
         part, target = (_residual(levels, x) for x in (A[self.n_initial :], self.target))
@@ -225,9 +225,9 @@ def _solve(X: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(X, y, rcond=1e-10)[0]
 
 
-def _residual(X: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What columns X leave of y."""
-    return np.asarray(y - X @ _solve(X, y)) if X.size else y
+def _residual(X: np.ndarray | None, y: np.ndarray) -> np.ndarray:
+    """What columns X leave of y; all of it without columns."""
+    return y if X is None else np.asarray(y - X @ _solve(X, y))
 
 
 def _solve_blocks(
