@@ -150,7 +150,7 @@ def input_of_use(path: str, record: Record) -> np.ndarray:
     return u
 
 
-def _beyond(u: np.ndarray, experiment: Design, data: IOData, volts: float | None) -> tuple[str, ...]:
+def _beyond(u: np.ndarray, experiment: Design, data: IOData, volts: float | None = None) -> tuple[str, ...]:
     """A note where the input of use goes farther than the log and the experiment, whose inputs reach `volts`, do."""
     tried = np.concatenate([experiment.u, data.u[:, 0]])
     (low, high), (least, most) = ((float(np.min(x)), float(np.max(x))) for x in (u, tried))

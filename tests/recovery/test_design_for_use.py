@@ -165,3 +165,5 @@ def test_a_note_says_where_the_input_of_use_goes_beyond_what_is_tried(first):
     assert _beyond(np.array([-0.5, 0.9 * largest]), tried, data) == ()
     (note,) = _beyond(np.array([-0.5, 20.0]), tried, data)
     assert note.startswith("the input of use goes from -0.5 to 20 V")
+    assert "--volts 20" in note
+    assert "--volts" not in _beyond(np.array([-0.5, 20.0]), tried, data, volts=24.0)[0]
