@@ -17,13 +17,16 @@ from sysid.estimation.starts.portfolio.surrogate import Surrogate, with_lines
 from sysid.model.chain import Chain
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
-_LADDER = ((6, 6, 8), (3, 12, 8), (2, 20, 6))  # candidates that go on, places of their curves, steps
+# Candidates that go on, places of their curves, steps. Coarse curves have few local optima, but an optimum of coarse
+# curves need not lie near one of fine curves where a map folds or jumps: some candidates have fine curves at once.
+_COARSE = ((6, 6, 8), (3, 12, 8), (2, 20, 6))
+_FINE = ((3, 20, 8), (2, 20, 14))
+Ladder = tuple[tuple[int, int, int], ...]
 _ALIKE = 0.9995  # correlation of two candidates' signals above which they are one
 _SAME = 1.02  # losses within this ratio are one optimum
 _PLAIN = 3  # starts from the identity
 LONGEST = 6000  # samples that rank candidates
 _QUICK = ("approximation", "curved_input")  # members that need no draw and little time
-_BEST, _TRIES = 3, 4  # candidates that are varied, and how often
 
 
 @dataclass(frozen=True)
@@ -69,27 +72,35 @@ def starting_points(
     """
     rng = np.random.default_rng([seed, turn])
     part = record if record.N <= LONGEST else record.select(0, LONGEST)
-    first = 0
+    ladders: tuple[Ladder, ...] = (_COARSE, _FINE)
     if len(filter_blocks(chain)) == 2:
         chosen_candidates = _distinct(
-            two_filters.splits(chain, part, rng, turn, count > 1, theta_best), min(count, _LADDER[0][0])
+            two_filters.splits(chain, part, rng, turn, count > 1, theta_best), min(count, _COARSE[0][0])
         )
         field = [two_filters.surrogate_of_split(chain, c, part) for c in chosen_candidates]
     else:
-        chosen_candidates = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _LADDER[0][0]))
+        chosen_candidates = _distinct(candidates(chain, part, rng, turn, count > 1), min(count, _COARSE[0][0]))
         field = [surrogate_of(chain, c, part) for c in chosen_candidates]
         # Where the screen has solved for the curves, fewer places than it has would lose what they tell.
-        first = 0 if screen_of(chain, part).behind else 1
-    for width, knots, steps in _LADDER[first:] if count > 1 else _LADDER[1:2]:
-        knots = max(4, min(knots, part.N // 25))
-        field = [s.lay_places(part, knots).search(part, steps, curvature) for s in field[: min(width, count)]]
-        field.sort(key=lambda s: s.loss)
+        ladders = ladders if screen_of(chain, part).behind else (_COARSE[1:],)
+    ladders = ladders if count > 1 else (_COARSE[1:2],)
+    climbed = [s for ladder in ladders for s in _climbed(field, ladder, part, count, curvature)]
+    field = sorted(climbed, key=lambda s: s.loss)
     optima = _distinct_optima(field) if len(movable_maps(chain)) == len(maps_of(chain)) else [(s, 1) for s in field]
     points = [StartingPoint(s.to_chain(chain, part), s.member, n) for s, n in optima if np.isfinite(s.loss)]
     if turn == 0 and count > 1 and len(optima) and len(movable_maps(chain)) < len(maps_of(chain)):
         # A map with a shape of its own may not come near to a free curve; then the search begins at the identity.
         points += [StartingPoint(theta, "identity", 1) for theta in starts(chain, record, _PLAIN, seed)]
     return points
+
+
+def _climbed(field: list[Surrogate], ladder: Ladder, record: IOData, count: int, curvature: float) -> list[Surrogate]:
+    """The best of at most `count` candidates at the end of a ladder, the best first."""
+    for width, knots, steps in ladder:
+        knots = max(4, min(knots, record.N // 25))
+        field = [s.lay_places(record, knots).search(record, steps, curvature) for s in field[: min(width, count)]]
+        field.sort(key=lambda s: s.loss)
+    return field
 
 
 def _distinct(pool: list, count: int) -> list:
