@@ -14,6 +14,7 @@ from sysid.model.chain import columns
 
 # Chosen with the portfolio on drawn plants, see `sysid.estimation.search`.
 FEWEST, _MOST, _OUTPUT = 6, 12, 12  # places of the curves that rank: of the input as many as samples tell, and behind
+_TRIAL = 9  # places of a curve that is tried
 _SAMPLES = 25  # for a value of a curve
 _TURNS = 4  # of B for the input curve and the input curve for B
 _DIRECTIONS = 3  # of B, from the quadratic regression
@@ -98,7 +99,7 @@ class Screen:
 
         What comes out of them for each input (N,), and the curves.
         """
-        pairs = [(u, curves.places(u, 9)) for u in self.inputs]
+        pairs = [(u, curves.places(u, _TRIAL)) for u in self.inputs]
         means, middles = [u.mean() for u in self.inputs], [float(np.median(u)) for u in self.inputs]
         straight = [u - m for u, m in zip(self.inputs, means, strict=True)]
         lines = [(knots, knots - m) for (_, knots), m in zip(pairs, means, strict=True)]
@@ -106,16 +107,33 @@ class Screen:
         folds = [(knots, np.abs(knots - m)) for (_, knots), m in zip(pairs, middles, strict=True)]
         return [(straight, lines), (folded, folds)][: 1 + self.before]
 
-    def candidates(self, member: str, f: np.ndarray) -> list[Candidate]:
-        """Everything that least squares gives for the poles of F = 1 + f1 z^-1 + ... (f (nf,))."""
+    def candidates(self, member: str, f: np.ndarray, rng: np.random.Generator | None = None) -> list[Candidate]:
+        """Everything that least squares gives for the poles of F = 1 + f1 z^-1 + ... (f (nf,)).
+
+        `rng` draws the corner and the slopes of the curve that is tried beside none.
+        """
         pool = []
-        for xs, trial in self.trials if self.behind else self.trials[:1]:
+        trials = self.trials if self.behind else self.trials[:1]
+        if rng is not None and len(trials) > 1:
+            trials = [trials[0], self._drawn_corners(rng)]
+        for xs, trial in trials:
             X = self.lags(f, xs)
             for b in self.directions(X) if self.behind else [_solve(X[self.n_initial :], self.target)]:
                 pool.append(self._rate(member, b, f, X @ b, trial))
         if self.before:
             pool.append(self._hammerstein(member, f))
         return [c for c in pool if c is not None]
+
+    def _drawn_corners(self, rng: np.random.Generator) -> tuple[list[np.ndarray], Curves]:
+        """A trial as in `trials`: two lines for each input that meet at a drawn place, with drawn slopes."""
+        signals, lines = list[np.ndarray](), Curves()
+        for u in self.inputs:
+            corner, angle = float(np.quantile(u, rng.uniform(0.1, 0.9))), rng.uniform(0.0, 2.0 * np.pi)
+            knots = curves.places(u, _TRIAL)
+            bent, curve = ((x - corner) * np.where(x < corner, np.cos(angle), np.sin(angle)) for x in (u, knots))
+            signals.append(bent)
+            lines.append((knots, curve))
+        return signals, lines
 
     def denominators_of(self, f: np.ndarray) -> list[np.ndarray]:
         """F (nf + 1,) of every filter out of f."""

@@ -18,12 +18,13 @@ from sysid.solver.searches import LevenbergMarquardt
 
 @dataclass(frozen=True)
 class Surrogate:
-    """A chain with maps at fixed places, its parameters, and its loss on the record that it was searched on."""
+    """A chain with maps at fixed places, its parameters, its loss on the record, and where it comes from."""
 
     chain: Chain
     theta: np.ndarray
     loss: float = np.inf
     member: str = ""
+    number: int = 0  # of the candidate that it comes from
 
     def search(self, record: IOData, iterations: int, curvature: float) -> "Surrogate":
         """After some steps of Levenberg-Marquardt; `curvature` as in `Objective`."""
