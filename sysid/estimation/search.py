@@ -24,8 +24,8 @@ from sysid.solver.iterate import ESTIMATE, Options, Outcome, iterate, time_limit
 from sysid.solver.linearisation import order_of
 from sysid.solver.searches import search as make_search
 
-# The numbers of the portfolio were chosen on drawn plants and judged on fresh ones (scripts/global_optimum.py): 190 of
-# 200 fits end within 1 % of the loss from the truth, see docs/optimum.md.
+# The numbers of the portfolio were chosen on drawn plants and judged on fresh ones (study global_optimum): 147 of
+# 150 fits end within 1 % of the loss from the truth, see docs/optimum.md.
 # Every start gets a few iterations, then only the best go on: a start that is far behind by then seldom wins.
 # The first iterations always use Levenberg-Marquardt, the most reliable search far from an optimum.
 _TRIAL, _TRIAL_SEARCH, _LEADERS = 15, "lm", 2
