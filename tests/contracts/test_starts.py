@@ -15,6 +15,8 @@ from sysid.estimation.fit import without_agreement
 from sysid.estimation.objective import Objective
 from sysid.estimation.search import SearchContext, SearchResult
 from sysid.estimation.starts import TABLE, starts
+from sysid.estimation.starts.portfolio.candidates import _distinct_optima
+from sysid.estimation.starts.portfolio.surrogate import Surrogate
 from sysid.model.chain import Chain
 from sysid.solver.iterate import Options
 from sysid.structures import (
@@ -130,3 +132,10 @@ def test_rounds_go_on_until_enough_starts_agree_for_errors_like_these(monkeypatc
     context = SearchContext(output_error(1, 1, 0), record(), Objective(), "lm", Options().begun(), None)
     assert search.search_portfolio(context, 0, None).agreed == agreed[rounds - 1]
     assert len(agreed) - len(list(turns)) == rounds
+
+
+def test_two_searches_from_one_candidate_do_not_agree():
+    """A candidate is searched coarse to fine and with fine curves at once: the same loss of both says nothing."""
+    chain = Chain((TransferFunction(1, 0),))
+    ends = [Surrogate(chain, np.zeros(1), loss, number=n) for loss, n in [(1.0, 0), (1.001, 0), (1.002, 4), (3.0, 0)]]
+    assert [(s.loss, n) for s, n in _distinct_optima(ends)] == [(1.0, 2), (3.0, 1)]
