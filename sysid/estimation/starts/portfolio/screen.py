@@ -94,12 +94,17 @@ class Screen:
         return (y - y.mean()) / (y.std() or 1.0)
 
     @cached_property
+    def trial_places(self) -> list[np.ndarray]:
+        """Places (k,) of each input's curve that is tried."""
+        return [curves.places(u, _TRIAL) for u in self.inputs]
+
+    @cached_property
     def trials(self) -> list[tuple[list[np.ndarray], Curves]]:
         """Curves to try before the filters: none, and the size of the deviation where the chain has input maps.
 
         What comes out of them for each input (N,), and the curves.
         """
-        pairs = [(u, curves.places(u, _TRIAL)) for u in self.inputs]
+        pairs = list(zip(self.inputs, self.trial_places, strict=True))
         means, middles = [u.mean() for u in self.inputs], [float(np.median(u)) for u in self.inputs]
         straight = [u - m for u, m in zip(self.inputs, means, strict=True)]
         lines = [(knots, knots - m) for (_, knots), m in zip(pairs, means, strict=True)]
@@ -127,9 +132,8 @@ class Screen:
     def _drawn_corners(self, rng: np.random.Generator) -> tuple[list[np.ndarray], Curves]:
         """A trial as in `trials`: two lines for each input that meet at a drawn place, with drawn slopes."""
         signals, lines = list[np.ndarray](), Curves()
-        for u in self.inputs:
+        for u, knots in zip(self.inputs, self.trial_places, strict=True):
             corner, angle = float(np.quantile(u, rng.uniform(0.1, 0.9))), rng.uniform(0.0, 2.0 * np.pi)
-            knots = curves.places(u, _TRIAL)
             bent, curve = ((x - corner) * np.where(x < corner, np.cos(angle), np.sin(angle)) for x in (u, knots))
             signals.append(bent)
             lines.append((knots, curve))
