@@ -258,6 +258,14 @@ MOVING = {
         Motor(periodic=2, period=1.5, stops="lower", role="map"),
         np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.5, 0.2, -0.1, 0.3, 0.37, 0.05, 0.4, 0.1]),
     ),
+    "travel_map_bent_ends": (
+        TravelMap(knots=5, smooth=True, bent_ends=True, role="map"),
+        np.array([-0.8, 1.1, 0.3, 0.5, 0.8]),
+    ),
+    "motor_steep": (  # gain, lag, rise, fall, load0-4, loss, delay, lower, upper, x0, v0
+        Motor(load=5, loss=True, substeps=2, role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 0.15, -0.6, 0.8, 0.3, 0.37, 0.05, 1.1, 0.4, 0.1]),
+    ),
     "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
         Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),
         np.array([0.15, 0.6, 0.3, 0.4, 0.3, 0.1, -0.1, 0.2, 0.15, 0.5, 1.37, 0.05, 1.1, 0.4, 0.1]),

@@ -4,9 +4,10 @@
 
 Legs are those of `drawn_joints`. A joint is estimated from one sweep of 125 s at 0.1 s, from this and slow stairs
 (`--record stairs`), or from the record that is designed on the sweep (`--record designed`). Its free run is compared
-with the noise ceiling on a fresh sweep, and on levels and times drawn at random over the whole supply (aprbs). "found"
-are joints within 0.5 points, "band" the share of unseen samples that the 95 % band of the free run holds, on the mean
-and on the worst joint. Values: how many are told, how many of these are near the truth, and how many intervals hold it.
+with the noise ceiling on a fresh sweep, on levels and times drawn at random over the whole supply (aprbs), and on a sum
+of sines of as much. "found" are joints within 0.5 points, "band" the share of unseen samples that the 95 % band of the
+free run holds, on the mean and on the worst joint. Values: how many are told, how many of these are near the truth, and
+how many intervals hold it.
 """
 
 import argparse
@@ -30,7 +31,7 @@ from twin.bench.families import sweep
 from twin.hardware.actuator import drive
 from twin.studies.beyond import aim, twin_truth
 
-KINDS = ("same kind", "another kind")
+KINDS = ("same kind", "another kind", "a third kind")
 
 
 def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
@@ -48,7 +49,8 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
     fit = fit_joint(data, plain, seed=seed).fit
     row: Row = {"joint": joint, "seed": seed, "seconds": time.process_time() - start}
     info = joint_information(fit, data)
-    inputs = ("sweep", 2, sweep(joint, p, "voltage")), ("aprbs", 3, {"amplitude": p["supply_voltage"]})
+    whole = {"amplitude": p["supply_voltage"]}
+    inputs = ("sweep", 2, sweep(joint, p, "voltage")), ("aprbs", 3, whole), ("multisine", 1001, whole)
     for kind, (name, k, settings) in zip(KINDS, inputs, strict=True):
         log = twin.Experiment(joint, name, DURATION, data.Ts, 3 * seed + k, (), p, settings).run()
         row[kind] = below_ceiling(fit, log)

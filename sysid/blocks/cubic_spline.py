@@ -44,6 +44,20 @@ def cubics(lo: float, hi: float, c: np.ndarray, w: Writer) -> list[str]:
     return w.pieces(edges, curves)
 
 
+def spline_pieces(knots: int, bent_ends: bool = False) -> np.ndarray:
+    """Coefficients (knots - 1, 4, knots) of the splines through 1 at one knot and 0 at the others, on [0, 1].
+
+    Natural, straight at both ends, or with `bent_ends` one cubic over the two intervals at either end ("not a knot";
+    de Boor 1978, A Practical Guide to Splines, chapter IV).
+    """
+    from scipy.interpolate import CubicSpline as Interpolant
+
+    kind = "not-a-knot" if bent_ends else "natural"
+    grid, powers = np.linspace(0.0, 1.0, knots), float(knots - 1) ** -np.arange(4)
+    curves = [Interpolant(grid, row, bc_type=kind).c for row in np.eye(knots)]
+    return np.ascontiguousarray(np.stack([c[::-1].T * powers for c in curves], axis=2))
+
+
 @checked
 @dataclass(frozen=True)
 class CubicSpline(Written, StaticBlock):
@@ -78,17 +92,15 @@ class CubicSpline(Written, StaticBlock):
     def pieces(self) -> np.ndarray:
         """Coefficients (knots - 1, 4, n) of the curve's functions on [0, 1], as `kernels_maps.spline` takes them."""
         from scipy.interpolate import BSpline, PPoly
-        from scipy.interpolate import CubicSpline as Interpolant
 
+        if not self.monotone:
+            return spline_pieces(self.knots)
         m, grid = self.knots - 1, np.linspace(0.0, 1.0, self.knots)
-        if self.monotone:
-            clamped = np.concatenate([[0.0, 0.0], grid, [1.0, 1.0]])
-            bumps = [BSpline(clamped, row, 2).antiderivative() for row in np.eye(self.knots + 1)]
-            # The clamped ends make intervals of no length: only those between the m + 1 knots count.
-            curves = [np.array([[0.0], [0.0], [0.0], [1.0]]) * np.ones(m)]
-            curves += [PPoly.from_spline(bump).c[:, 3 : 3 + m] for bump in bumps]
-        else:
-            curves = [Interpolant(grid, row, bc_type="natural").c for row in np.eye(self.knots)]
+        clamped = np.concatenate([[0.0, 0.0], grid, [1.0, 1.0]])
+        bumps = [BSpline(clamped, row, 2).antiderivative() for row in np.eye(self.knots + 1)]
+        # The clamped ends make intervals of no length: only those between the m + 1 knots count.
+        curves = [np.array([[0.0], [0.0], [0.0], [1.0]]) * np.ones(m)]
+        curves += [PPoly.from_spline(bump).c[:, 3 : 3 + m] for bump in bumps]
         powers = float(m) ** -np.arange(4)
         return np.ascontiguousarray(np.stack([c[::-1].T * powers for c in curves], axis=2))
 

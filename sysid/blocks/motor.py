@@ -21,7 +21,8 @@ LONGEST = 20.0  # samples of delay
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 MOST_WAVES = 2  # harmonics of a periodic load
 STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
-_VOLTS = ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
+LOADS = tuple(f"load{i}" for i in range(5))  # coefficients of the load over the position
+_VOLTS = ("rise", "fall", "stick", "stick_down", *LOADS)
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
@@ -96,6 +97,8 @@ def stretch(s, w, h, p, block):
 def load_at(x, p, block):
     away = x - block.at
     load = p.load0 + p.load1 * away + p.load2 * away * away
+    if block.steep:
+        load += (p.load3 + p.load4 * away) * away * away * away
     if block.periodic:
         a = block.turn * x
         load += p.sine1 * sin(a) + p.cosine1 * cos(a) + p.sine2 * sin(2.0 * a) + p.cosine2 * cos(2.0 * a)
@@ -107,7 +110,10 @@ def load_midway(s, target, h, held, p, block):
 
     Where the load rises the way is that of the implicit midpoint rule, which no stiff load makes unstable.
     """
-    rises = p.load1 + 2.0 * p.load2 * (s.position - block.at)
+    away = s.position - block.at
+    rises = p.load1 + 2.0 * p.load2 * away
+    if block.steep:
+        rises += (3.0 * p.load3 + 4.0 * p.load4 * away) * away * away
     if block.periodic:
         a = block.turn * s.position
         waves = p.sine1 * cos(a) - p.cosine1 * sin(a) + 2.0 * (p.sine2 * cos(2.0 * a) - p.cosine2 * sin(2.0 * a))
@@ -126,11 +132,12 @@ class Motor(Recursion):
     `fall` against downward motion, plus loss |L|, the screw friction of the load. With `stribeck` it grows by `stick`
     as the speed falls below stick_speed, with `sided` by stick_down against downward motion. At rest the motor stands
     until the input exceeds friction and load: stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) +
-    load2 (x - at)^2, with `load` coefficients, plus sine_k sin(2 pi k x / period) + cosine_k cos(2 pi k x / period) for
-    k up to `periodic`, as a pendulum pulls over many turns (period 360 where x is in degrees). `stops` (True or "both",
-    "lower", "upper", False or "none") end the motion at `lower` and `upper`, where the speed becomes zero; fix both at
-    0 and 1 with x in strokes, or leave them free and fix the next map. With `jams` a motor that hits a stop at speed v
-    stays there for a time jam |v|, like a screw that jams. Each input is held for one sample and is delayed by `delay`.
+    load2 (x - at)^2 + ..., with `load` coefficients up to 5, plus sine_k sin(2 pi k x / period) +
+    cosine_k cos(2 pi k x / period) for k up to `periodic`, as a pendulum pulls over many turns (period 360 where x is
+    in degrees). `stops` (True or "both", "lower", "upper", False or "none") end the motion at `lower` and `upper`,
+    where the speed becomes zero; fix both at 0 and 1 with x in strokes, or leave them free and fix the next map. With
+    `jams` a motor that hits a stop at speed v stays there for a time jam |v|, like a screw that jams. Each input is
+    held for one sample and is delayed by `delay`.
     Between switches the lag is solved exactly, and stops are met in the middle of a sample, so a sample may be longer
     than the lag. A load that changes with x acts as in the middle of the way, to second order; `substeps` parts of a
     sample follow it more closely, the Stribeck curve, and the `further` parts, names of `sysid.motor_parts.TABLE`.
@@ -140,7 +147,7 @@ class Motor(Recursion):
 
     functions: ClassVar = {"step": step, "begin": begin}
     absent: ClassVar = {
-        **dict.fromkeys(("stick", "stick_down", "load0", "load1", "load2", "loss", "jam", "delay"), 0.0),
+        **dict.fromkeys(("stick", "stick_down", *LOADS, "loss", "jam", "delay"), 0.0),
         **dict.fromkeys((f"{wave}{k}" for k in range(1, MOST_WAVES + 1) for wave in ("sine", "cosine")), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
         **ABSENT,
@@ -162,14 +169,14 @@ class Motor(Recursion):
     further: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not 0 <= self.load <= 3:
-            raise InputError(f"load is {self.load}; give 0 to 3 coefficients of the position-dependent load")
+        if not 0 <= self.load <= len(LOADS):
+            raise InputError(f"load is {self.load}; give 0 to {len(LOADS)} coefficients of the position-dependent load")
         if not 0 <= self.periodic <= MOST_WAVES:
             raise InputError(f"periodic is {self.periodic}; give 0 to {MOST_WAVES} harmonics of the periodic load")
         if not 0.0 < self.period < np.inf:
             raise InputError(f"the period is {self.period}; give the length of a turn above 0, 2 pi or 360")
         if self.loss and not (self.load or self.periodic):
-            raise InputError("loss=True needs a load; give load from 1 to 3, or periodic, or loss=False")
+            raise InputError("loss=True needs a load; give load from 1 to 5, or periodic, or loss=False")
         if isinstance(self.stops, str):
             if self.stops not in STOPS:
                 raise unknown("kind of stops", self.stops, STOPS)
@@ -210,6 +217,11 @@ class Motor(Recursion):
         return self.load > 1 or self.periodic > 0
 
     @property
+    def steep(self) -> bool:
+        """Whether the load over the position is more than a parabola."""
+        return self.load > 3
+
+    @property
     def turn(self) -> float:
         """2 pi / period."""
         return 2.0 * np.pi / self.period
@@ -235,7 +247,7 @@ class Motor(Recursion):
             slots += [Slot("stick", "V", lower=0.0), Slot("stick_speed", "1/sample", lower=1e-9)]
         if self.sided:
             slots.append(Slot("stick_down", "V", lower=0.0))
-        slots += [Slot(name, "V") for name in (*(f"load{i}" for i in range(self.load)), *self.waves)]
+        slots += [Slot(name, "V") for name in (*LOADS[: self.load], *self.waves)]
         if self.loss:
             slots.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
@@ -267,7 +279,8 @@ class Motor(Recursion):
         m = self.by_name(theta)
         away = f"({w.sum([(1.0, w.y), (-self.at, '')])})"
         net = f"{w.x} - L" if self.load or self.periodic else w.x
-        load = [(m[f"load{i}"], ["", away, f"{away}^2"][i]) for i in range(self.load)]
+        powers = ("", away, *(f"{away}^{i}" for i in range(2, len(LOADS))))
+        load = [(m[name], power) for name, power in zip(LOADS[: self.load], powers, strict=False)]
         for name in self.waves:
             turns = w.num(int(name[-1]) * self.turn)
             load.append((m[name], f"{'sin' if name.startswith('s') else 'cos'}({turns}*{w.y})"))
@@ -323,7 +336,8 @@ class Motor(Recursion):
         waves = sum(abs(m[name]) for name in self.waves)
         for side, friction, end in ((1.0, m["rise"], m["upper"]), (-1.0, m["fall"], m["lower"])):
             # Outwards by side, away from `at`: -load(away) against all that may hold it.
-            load = [-m["load0"] * side - friction - largest - waves, -m["load1"], -m["load2"] * side]
+            load = [-m[name] * side ** (i + 1) for i, name in enumerate(LOADS)]
+            load[0] -= friction + largest + waves
             drives = np.polynomial.Polynomial(load).trim()
             if np.isfinite(end) or drives.degree() == 0 or drives.coef[-1] <= 0.0:
                 continue

@@ -12,7 +12,7 @@ from sysid.block.block import Slot, StaticBlock
 from sysid.block.compiler.recursion import Written
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer
-from sysid.blocks.cubic_spline import CubicSpline, cubics, curve
+from sysid.blocks.cubic_spline import cubics, curve, spline_pieces
 from sysid.blocks.piecewise_linear import line
 
 _LEAST = 0.02  # of the mean slope: a segment that is flatter hides where the joint is
@@ -30,18 +30,25 @@ class TravelMap(Written, StaticBlock):
     """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s increasing, piecewise linear on `knots` equal steps.
 
     It describes the linkage of an actuator. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are the
-    shares of the travel at the inner knots. With `smooth` s is the natural cubic spline through them, with linear
-    extrapolation. Where there are no data, the curvature weight of a fit keeps s straight.
+    shares of the travel at the inner knots. With `smooth` s is the cubic spline through them, with linear
+    extrapolation: the natural one, which is straight at both ends, or with `bent_ends` one that is bent as much there
+    as beside them, as a linkage is. Where there are no data, the curvature weight of a fit keeps s straight.
     """
 
     functions: ClassVar = {"value": value}
 
     knots: int = 9
     smooth: bool = False
+    bent_ends: bool = False
 
     def __post_init__(self) -> None:
         if self.knots < 2:
             raise InputError(f"a travel map has {self.knots} knot(s); give at least 2")
+        if self.bent_ends and (self.knots < 4 or not self.smooth):
+            raise InputError(
+                f"bent ends need a smooth travel map of 4 knots, and this one has {self.knots} and smooth={self.smooth}"
+                "; give smooth=True and more knots, or leave bent_ends out"
+            )
 
     @property
     def n(self) -> int:
@@ -58,7 +65,7 @@ class TravelMap(Written, StaticBlock):
     @cached_property
     def _pieces(self) -> np.ndarray:
         """Coefficients (knots - 1, 4, knots) of the basis curves of s, one for each share."""
-        return CubicSpline(self.knots, span=(0.0, 1.0)).pieces
+        return spline_pieces(self.knots, self.bent_ends)
 
     def evaluate(self, theta: np.ndarray, x: np.ndarray, J: np.ndarray, q: int) -> tuple[np.ndarray, np.ndarray]:
         from sysid.block.kernels import piecewise_linear, spline

@@ -13,6 +13,7 @@ import numpy as np
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, ServoMotor, TravelMap
+from sysid.blocks.motor import LOADS
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
 from sysid.export.servo_loop import controller, missing_of_servo
@@ -35,6 +36,7 @@ DRAG = 0.05  # of the motor's friction: what holds a link that lies within its p
 # and 0 to 1 these come closest to the chain on four records of shoulder and shank (0.25 % of the stroke RMS).
 BEND, RATIO = 1e-4, 0.1
 FAR = 1e6  # from the one stop that is known: a stop that is never met
+_LOAD_OFF = 0.05  # of the friction: a load that is off by less starts and holds the joint as the fit does
 FLAT = 1e-4  # of the load: what the cubic term that gives it a zero adds at the end of the stroke
 
 
@@ -139,7 +141,7 @@ class _Parts:
         stroke = self.upper - self.lower
         self.stroke = stroke if np.isfinite(stroke) else 1.0  # a map's motor goes from 0 to 1
         tilt = 0.5 * (value["rise"] - value["fall"])  # friction that differs by direction acts as a constant load
-        self.load = np.array([value["load0"] + tilt, value["load1"], value["load2"]])
+        self.load = np.array([value["load0"] + tilt, *(value[name] for name in LOADS[1:])])
         self.stick, self.stick_speed = value["stick"], value["stick_speed"] / Ts
         if self.motor.sided:
             self.stick = 0.5 * (self.stick + value["stick_down"])
@@ -147,7 +149,7 @@ class _Parts:
         self.left_out = self._missing(chain, value)
 
     names = (
-        *("gain", "lag", "delay", "rise", "fall", "load0", "load1", "load2", "stick", "stick_down", "stick_speed"),
+        *("gain", "lag", "delay", "rise", "fall", *LOADS, "stick", "stick_down", "stick_speed"),
         *("lower", "upper", "x0", "loss", "jam"),
     )
 
@@ -190,8 +192,7 @@ class _Parts:
         return tuple(sentences)
 
     def _load_at(self, x: np.ndarray) -> np.ndarray:
-        offset = x - self.motor.at
-        return self.load[0] + self.load[1] * offset + self.load[2] * offset**2
+        return np.asarray(np.polynomial.Polynomial(self.load)(x - self.motor.at))
 
     def direct(self, joint: str, per_volt: float, link_inertia: float) -> Fragment:
         """Motor and joint share one coordinate."""
@@ -236,6 +237,24 @@ class _Parts:
         if deviation > 1e-3:
             self.left_out += (f"the linkage beyond a quartic: {100 * deviation:.2f} % of the stroke at most",)
         return quartic
+
+    def _cubic_load(self) -> np.ndarray:
+        """Coefficients (4,) of the load as MuJoCo's stiffness can have it, by least squares over the stroke."""
+        if not self.motor.steep:
+            return self.load[:4]
+        x = (
+            np.linspace(self.lower, self.upper, 101)
+            if self.motor.stops is True
+            else self.first + np.linspace(-1, 1, 1001)
+        )
+        powers = np.vander(x - self.motor.at, 4, increasing=True)
+        load = np.linalg.lstsq(powers, self._load_at(x), rcond=None)[0]
+        off = float(np.abs(powers @ load - self._load_at(x)).max())
+        if off > _LOAD_OFF * self.friction:
+            self.left_out += (
+                f"the load beyond a cubic: {off:.2g} V at most, beside a friction of {self.friction:.2g} V",
+            )
+        return np.asarray(load)
 
     def _motor(self, joint: str, driven: str, per_volt: float, inertia: float) -> str:
         constant = 1.0 / self.speed
@@ -313,7 +332,7 @@ class _Parts:
 
         A load without a zero gets a cubic term so small that it adds nothing within the stroke, and so a zero far away.
         """
-        force = np.polynomial.Polynomial([*(self.load * per_volt), 0.0])
+        force = np.polynomial.Polynomial([*(self._cubic_load() * per_volt), 0.0])
         roots = _real(force)
         if not len(roots):
             size = float(np.abs(force.coef).max())

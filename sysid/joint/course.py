@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from sysid.base.errors import InputError
+from sysid.blocks.motor import LOADS
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
 from sysid.estimation.result import Fit
@@ -271,9 +272,7 @@ class Course:
         """Input that surely starts any joint of this kind."""
         motor = motor_of(self.chain)
         part = self.chain.part(self.theta, motor)
-        volts = sum(
-            abs(motor.value(part, n)) for n in ("rise", "fall", "stick", "stick_down", "load0", "load1", "load2")
-        )
+        volts = sum(abs(motor.value(part, n)) for n in ("rise", "fall", "stick", "stick_down", *LOADS))
         return 10.0 * max(volts * (1.0 + motor.value(part, "loss")), 1e-9) + 1.0
 
     def _starts_moving(self, way: int, level: float, place: float, bare: bool) -> bool:

@@ -8,7 +8,8 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor, TravelMap
+from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor
+from sysid.blocks.motor import LOADS
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
 from sysid.estimation.fit import fit_chain
@@ -19,6 +20,7 @@ from sysid.estimation.objective import Objective
 from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
+from sysid.joint.physics import travel_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.joint.sampling import ENOUGH_SAMPLES
 from sysid.model.chain import Chain
@@ -26,7 +28,7 @@ from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
 from sysid.solver.linearisation import order_of
 
-PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands", "turns")
+PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands", "turns", "levers")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
 _CLEAR = np.log(20.0)  # of a likelihood over another: strong odds (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995)
@@ -46,8 +48,8 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
     "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
     servo; "bands": a dead band of its loop; "turns": a load that repeats every turn of a joint without linkage whose
-    `data` go over `TURNS_NEEDED`; and
-    those of `sysid.motor_parts`.
+    `data` go over `TURNS_NEEDED`; "levers": a load that follows the slope of a bent linkage, near a dead centre steeper
+    than a parabola; and those of `sysid.motor_parts`.
     """
     motor, wanted = motor_of(plain), set(parts)
     options: dict[str, Any] = {name: name in wanted for name in ("stribeck", "sided")}
@@ -61,6 +63,9 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
         options |= {"periodic": 1, "period": turn_of(data) / _stroke(plain)}
     full = replace(motor, **options)
     full = replace(full, loss="loss" in wanted and full.loaded)
+    travel = travel_of(plain)
+    if "levers" in wanted and full.loss and full.load == 3 and travel is not None and travel.knots > 2:
+        full = replace(full, load=len(LOADS))
     blocks = [full if block is motor else block for block in plain.blocks]
     if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):
         play = CoastingPlay(role="play") if "coasts" in wanted else Play(role="play")
@@ -87,7 +92,7 @@ def _may_turn(chain: Chain, data: IOData) -> bool:
 
 def _stroke(chain: Chain) -> float:
     """Length [y] of the motor's unit of place: 1 without a linkage, the way of a straight one that is held, else 0."""
-    travel = next((block for block in chain.blocks if isinstance(block, TravelMap)), None)
+    travel = travel_of(chain)
     if travel is None:
         return 1.0
     ends = [chain.fixed.get(f"{travel.role}.{end}", np.nan) for end in ("low", "high")]

@@ -69,10 +69,23 @@ def log_odds_of_parts(full: Fit, plain: Fit, data: IOData, level: float) -> floa
     odds = without.fall - with_parts.fall + 0.5 * (_log_det(before) + _log_det(alone) - _log_det(after))
     columns = [full.model.names.index(name) for name in parts]
     found, least = full.theta[columns], full.model.limits[0][columns]
-    spreads = np.sqrt(np.diag(np.linalg.inv(after))[len(both) :]), np.sqrt(np.diag(np.linalg.inv(before)))
+    spreads = _spreads(after)[len(both) :], _spreads(before)
     above = [norm.logcdf((centre - least) / spread) for centre, spread in zip((found, usual), spreads, strict=True)]
     return float(odds + np.sum(above[0] - above[1]))
 
 
 def _log_det(precision: np.ndarray) -> float:
-    return float(np.linalg.slogdet(precision)[1])
+    size, correlations = _by_its_size(precision)
+    return float(np.linalg.slogdet(correlations)[1] + 2.0 * np.sum(np.log(size)))
+
+
+def _spreads(precision: np.ndarray) -> np.ndarray:
+    """Deviations (n,) of a normal density of this precision."""
+    size, correlations = _by_its_size(precision)
+    return np.asarray(np.sqrt(np.diag(np.linalg.inv(correlations))) / size)
+
+
+def _by_its_size(precision: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The roots (n,) of its diagonal, and the matrix in their units: a joint that runs away has some of 1e19."""
+    size = np.sqrt(np.diag(precision))
+    return size, precision / np.outer(size, size)

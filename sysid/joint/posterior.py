@@ -231,7 +231,7 @@ class _Search:
             last = rough if turn else stretches
             shaken = places_around(fit, last, colour_level(fit, last), rng)
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
-            fit = self._round(full, np.array([fit.theta, *shaken, *others]), rough, units, level)
+            fit = self._round(full, np.array([*shaken, *others]), rough, units, level, fit.theta)
             level = min(level, float(np.sqrt(fit.criteria.mse)))
             scale = 0.5 * rough.N / level**2
             if scale * (before - fit.criteria.mse) < _SAME:
@@ -244,7 +244,7 @@ class _Search:
             fit = _at_rate(fit, data, k, self.options, joint_objective(chain_at_rate(full, k), units, level))
             places = places_around(fit, data, colour_level(fit, data), rng)
             part, level = data.portion(2 * ENOUGH_SAMPLES), float(np.sqrt(fit.criteria.mse))
-            again = self._round(fit.model, np.array([fit.theta, *places]), part, units, level)
+            again = self._round(fit.model, np.array(places), part, units, level, fit.theta)
             if again.fit_percent(data) > fit.fit_percent(data):  # else the part lacks what the whole shows
                 fit, ends, count = again, again, part.N
         heights = 0.5 * count / ends.criteria.mse * (np.array(ends.losses) - min(ends.losses))
@@ -263,10 +263,20 @@ class _Search:
         odds = log_odds_of_parts(full, plain, self.data, level)
         return (plain if odds < 0.0 else full), odds
 
-    def _round(self, chain: Chain, points: np.ndarray, data: IOData, units: dict[str, float], level: float) -> Fit:
-        """The fit from the best of these points."""
+    def _round(
+        self,
+        chain: Chain,
+        points: np.ndarray,
+        data: IOData,
+        units: dict[str, float],
+        level: float,
+        last: np.ndarray | None = None,
+    ) -> Fit:
+        """The fit from the best of these points, and from `last`: a round does not end worse than the one before."""
         objective = joint_objective(chain, units, level)
-        leaders = best_points(chain, points, data, _LEADERS, objective)
+        leaders = best_points(chain, points, data, _LEADERS - (last is not None), objective)
+        if last is not None:
+            leaders = np.array([last, *leaders])
         return fit_chain(chain, data, start=leaders, objective=objective, **self.options)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
+from sysid.blocks.motor import LOADS
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.objective import Objective
@@ -52,7 +53,10 @@ KNOWN: dict[type, dict[str, Known]] = {
     },
 }
 # Differences: friction by direction, and how far a point of the linkage is from the middle of its neighbours.
-_SIDED_STICK, _SIDED, _BENT = 0.1, 0.3, 0.005
+# Drawn linkages of the twin are off by 0.003 to 0.006 of the way, by 0.016 beside the end that is near a dead centre.
+_SIDED_STICK, _SIDED, _BENT, _BENT_AT_ENDS = 0.1, 0.3, 0.005, 0.015
+_SLOPES = 9  # places of a linkage whose slopes tell the load of a torque
+_OFF_TORQUE = 0.05  # of the friction, by which the load may differ from that of a torque that is a parabola
 _LEAST_RESPONSE = 0.1  # s
 _LEAST_FRICTION = 0.02  # of the largest input: a motor without friction leaves no scale for its parts
 
@@ -81,7 +85,18 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
         "angle": way,
         "angle by time squared": way / second**2,
         "one by time squared": 1.0 / second**2,
+        **_slopes(chain, theta),
     }
+
+
+def _slopes(chain: Chain, theta: np.ndarray) -> dict[str, float]:
+    """Slope of the linkage at equal steps of the stroke, by its mean."""
+    travel = travel_of(chain)
+    if travel is None or travel.knots == 2:
+        return {}
+    x = np.linspace(0.0, 1.0, _SLOPES)
+    y, slope = travel.evaluate(chain.part(theta, travel), x, np.empty((_SLOPES, 0)), 0)
+    return {f"slope {k}": float(s) for k, s in enumerate(slope / (y[-1] - y[0]))}
 
 
 def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
@@ -104,9 +119,29 @@ def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
     if travel is not None:
         for i in range(1, travel.knots - 1):
             neighbours = {f"{travel.role}.s{k}": -0.5 for k in (i - 1, i + 1) if 0 < k < travel.knots - 1}
-            know({f"{travel.role}.s{i}": 1.0, **neighbours}, 0.5 * (i + 2 == travel.knots), _BENT)
+            spread_here = _BENT_AT_ENDS if i in (1, travel.knots - 2) else _BENT
+            know({f"{travel.role}.s{i}": 1.0, **neighbours}, 0.5 * (i + 2 == travel.knots), spread_here)
+    for row in _loads_off_torque(chain, units):
+        know(row, 0.0, _OFF_TORQUE * units["friction"])
     matrix = np.array([[row.get(name, 0.0) for name in chain.names] for row in rows]).reshape(-1, len(chain.names))
     return Prior(matrix, np.array(target), level / np.array(spread), chosen=True)
+
+
+def _loads_off_torque(chain: Chain, units: dict[str, float]) -> list[dict[str, float]]:
+    """What of a steep load no torque makes that is a parabola over the stroke, at each place: zero, by coefficients.
+
+    By virtual work a torque acts on the motor by the slope of the linkage there.
+    """
+    motor = motor_of(chain)
+    if not motor.steep or "slope 0" not in units:
+        return []
+    x = np.linspace(0.0, 1.0, _SLOPES)
+    slope = np.array([units[f"slope {k}"] for k in range(_SLOPES)])
+    loads = np.vander(x - motor.at, motor.load, increasing=True)
+    of_torque = slope[:, None] * loads[:, :3]
+    off = loads - of_torque @ np.linalg.lstsq(of_torque, loads, rcond=None)[0]
+    names = [f"{motor.role}.{name}" for name in LOADS[: motor.load]]
+    return [dict(zip(names, row, strict=True)) for row in off.tolist()]
 
 
 def joint_objective(chain: Chain, units: dict[str, float], level: float) -> Objective:

@@ -16,6 +16,8 @@ from sysid.model.chain import Chain
 from sysid.model.recipes import Map, Recipe, choice, number, static_map
 from sysid.structures.hammerstein_wiener import HammersteinWiener
 
+_BENDS = 4  # knots of a linkage that may be bent at its ends
+
 
 @checked
 def actuated_joint(
@@ -48,7 +50,7 @@ def actuated_joint(
         blocks.append(static(driver, "driver"))
     blocks.append(replace(block, role="motor"))
     if knots is not None:
-        blocks.append(TravelMap(knots, smooth=True, role="map"))
+        blocks.append(TravelMap(knots, smooth=True, bent_ends=knots >= _BENDS, role="map"))
     if play:
         blocks.append(replace(Play() if play is True else play, role="play"))
     if compliance:

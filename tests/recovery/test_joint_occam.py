@@ -12,7 +12,7 @@ from sysid.estimation.fit import fit_chain
 from sysid.joint.clock import TimeIsUp
 from sysid.joint.full import colour_level, full_joint
 from sysid.joint.holdout import refit_with_cost
-from sysid.joint.occam import log_odds_of_parts
+from sysid.joint.occam import _log_det, _spreads, log_odds_of_parts
 from sysid.joint.posterior import _Search, fit_joint
 from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.structures import actuated_joint
@@ -88,6 +88,14 @@ def test_the_likelier_joint_is_taken_and_no_worse_on_levels_that_it_has_not_seen
     assert plain
     assert np.mean(gains) > 0.0
     assert min(gains) > -1.0
+
+
+def test_volumes_are_those_of_precisions_of_any_size():
+    """A joint that runs away has derivatives of 1e19 beside some of 1; by hand the determinant is 18 times theirs."""
+    sizes = np.array([1e19, 1.0, 1e-12])
+    precision = np.array([[4.0, 1.0, 0.0], [1.0, 3.0, 1.0], [0.0, 1.0, 2.0]]) * np.outer(sizes, sizes)
+    assert _log_det(precision) == pytest.approx(np.log(18.0) + 2.0 * 7.0 * np.log(10.0), rel=1e-12)
+    np.testing.assert_allclose(_spreads(precision), np.sqrt(np.array([5.0, 8.0, 11.0]) / 18.0) / sizes, rtol=1e-12)
 
 
 def test_a_drive_with_a_play_keeps_its_parts():

@@ -13,6 +13,7 @@ from sysid.blocks import CoastingPlay, Motor, Polynomial
 from sysid.data.record import IOData
 from sysid.estimation.prior import Prior
 from sysid.excitations import Aprbs, Sweep
+from sysid.joint import posterior
 from sysid.joint.posterior import fit_joint, full_joint
 from sysid.joint.prior import joint_prior, units_of
 from sysid.joint.sampling import theta_at_rate, thin, thinning_factor
@@ -105,10 +106,53 @@ def test_a_full_joint_has_every_part():
     assert (motor.stribeck, motor.sided, motor.loss, motor.jams) == (True,) * 4
     assert isinstance(FULL_JOINT.blocks[-1], CoastingPlay)
     assert "motor.load0" not in FULL_JOINT.fixed
+    assert (motor.load, full_joint(actuated_joint(play=False, motor=Motor(load=2))).blocks[0].load) == (5, 2)
     spring = full_joint(actuated_joint(play=False, compliance=True, knots=None, motor=Motor(load=2, stops=False)))
     assert not any(isinstance(block, CoastingPlay) for block in spring.blocks)
     with pytest.raises(InputError, match="begins with a plain actuated_joint"):
         fit_joint(sweep(0), FULL_JOINT)
+
+
+def test_a_load_that_virtual_work_gives_costs_nothing_and_another_does():
+    """A torque that is a parabola over the stroke, by the slope of a linkage that is one too, is a quartic."""
+    values = TRUE | {f"map.s{k}": 0.4 * (x := k / 8) + 0.9 * x**2 - 0.3 * x**3 for k in range(1, 8)}
+    slope = np.polynomial.Polynomial([0.4, 1.8, -0.9])
+    torque = np.polynomial.Polynomial([0.3, -0.5, 0.8])
+    load = (slope * torque)(np.polynomial.Polynomial([0.5, 1.0])).coef  # about the middle of the stroke
+    data = sweep(0)
+    units = units_of(FULL_JOINT, theta_of(FULL_JOINT, values), data)
+    prior = joint_prior(FULL_JOINT, units, 1.0)
+    rows = np.flatnonzero(np.abs(prior.rows[:, FULL_JOINT.names.index("motor.load4")]) > 0.0)
+    assert len(rows) == 9
+
+    def errors(loads):
+        named = values | {f"motor.load{k}": c for k, c in enumerate(loads)}
+        return prior.errors(theta_of(FULL_JOINT, named))[rows]
+
+    np.testing.assert_allclose(errors(load), 0.0, atol=1e-9)
+    # The rest of least squares on the torques' loads, by a tenth of the friction of 2.05 V at each place.
+    x, other = np.linspace(0.0, 1.0, 9), 0.5 * np.linspace(-0.5, 0.5, 9) ** 4
+    basis = slope(x)[:, None] * np.vander(x, 3)
+    left = np.sum((other - basis @ np.linalg.lstsq(basis, other, rcond=None)[0]) ** 2)
+    assert np.sum(errors(load + np.array([0.0, 0.0, 0.0, 0.0, 0.5])) ** 2) == pytest.approx(
+        left / (0.05 * 2.05) ** 2, rel=1e-6
+    )
+
+
+def test_a_round_does_not_end_worse_than_the_one_before():
+    """Its other points are all far away, and each glance at them is better than one at the last optimum would show."""
+    data = sweep(3)
+    plain = sysid.fit(actuated_joint(play=False), data, starts=1, search="lm")
+    options = {"search": "lm", "seed": 0, "progress": None}
+    search = posterior._Search(plain, data, data, 1, posterior.PARTS, options)
+    units, level = units_of(FULL_JOINT, theta_of(FULL_JOINT, TRUE), data), NOISE
+    best = theta_of(FULL_JOINT, TRUE)
+    far = np.array([theta_of(FULL_JOINT, TRUE | {"motor.gain": 0.0019 * f}) for f in np.linspace(0.6, 0.8, 5)])
+    with_last = search._round(FULL_JOINT, far, data, units, level, best)
+    without = search._round(FULL_JOINT, far, data, units, level)
+    assert np.sqrt(with_last.criteria.mse) == pytest.approx(NOISE, rel=0.1)
+    assert with_last.criteria.mse <= without.criteria.mse
+    assert len(with_last.losses) == len(without.losses) == 4
 
 
 @pytest.mark.parametrize("seed", often(8, 1))

@@ -1,9 +1,10 @@
-"""A smooth travel map against SciPy's natural spline through the same shares, and what becomes of one that falls."""
+"""A smooth travel map against SciPy's spline through the same shares, and what becomes of one that falls."""
 
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from sysid.base.errors import InputError
 from sysid.blocks import TravelMap
 
 LOW, HIGH = -0.9, 0.4
@@ -46,6 +47,33 @@ def test_two_knots_leave_a_straight_line_with_and_without_smooth() -> None:
         y, slope = TravelMap(2, smooth=smooth).evaluate(np.array([LOW, HIGH]), x, np.empty((19, 0)), 0)
         np.testing.assert_allclose(y, LOW + (HIGH - LOW) * x, atol=1e-14)
         np.testing.assert_allclose(slope, HIGH - LOW, atol=1e-13)
+
+
+@pytest.mark.parametrize("knots", [4, 6, 9])
+def test_a_map_with_bent_ends_is_the_spline_without_a_knot_beside_them(knots: int) -> None:
+    shares = drawn(knots, 2, 0.9)
+    known, x = CubicSpline(np.linspace(0.0, 1.0, knots), shares), np.linspace(0.0, 1.0, 1001)
+    y, slope = TravelMap(knots, smooth=True, bent_ends=True).evaluate(theta_of(shares), x, np.empty((1001, 0)), 0)
+    np.testing.assert_allclose(y, LOW + (HIGH - LOW) * known(x), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(slope, (HIGH - LOW) * known(x, 1), rtol=0, atol=1e-11)
+    with pytest.raises(InputError, match="need a smooth travel map of 4 knots, and this one has 3"):
+        TravelMap(3, smooth=True, bent_ends=True)
+
+
+def test_a_linkage_near_its_dead_centre_is_followed_at_its_ends() -> None:
+    """The angle of a triangle whose third side an actuator makes longer, by the law of cosines, to 140 degrees."""
+    a, b = 0.08, 0.05
+    longest = np.sqrt(a**2 + b**2 - 2.0 * a * b * np.cos(np.deg2rad(140.0)))
+    x = np.linspace(0.0, 1.0, 1001)
+    side = 0.06 + (longest - 0.06) * x
+    angle = np.arccos((a**2 + b**2 - side**2) / (2.0 * a * b))
+    share, knots = (angle - angle[0]) / np.ptp(angle), 9
+    off = []
+    for bent in (True, False):
+        block = TravelMap(knots, smooth=True, bent_ends=bent)
+        at_knots = np.concatenate([angle[[0, -1]], share[:: 1000 // (knots - 1)][1:-1]])
+        off.append(np.abs(block.output(at_knots, x) - angle).max())
+    assert off[0] < 0.4 * off[1]
 
 
 @pytest.mark.parametrize("knots", [3, 5, 9])
