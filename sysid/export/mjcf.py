@@ -243,7 +243,7 @@ class _Parts:
         if not self.motor.steep:
             return self.load[:4]
         x = (
-            np.linspace(self.lower, self.upper, 101)
+            np.linspace(self.lower, self.upper, 1001)
             if self.motor.stops is True
             else self.first + np.linspace(-1, 1, 1001)
         )
