@@ -1,6 +1,7 @@
 """What a joint of a drawn leg loses on a sweep that it has not seen, and on another kind of input.
 
     python scripts/study.py joint_transfer [--seeds 0:8] [--joints shoulder,thigh,shank] [--record designed]
+        [--figure FILE]
 
 Legs are those of `drawn_joints`. A joint is estimated from one sweep of 125 s at 0.1 s, from this and slow stairs
 (`--record stairs`), or from the record that is designed on the sweep (`--record designed`). Its free run is compared
@@ -12,6 +13,8 @@ how many intervals hold it.
 
 import argparse
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from design_loop import designed_record
@@ -31,13 +34,12 @@ from twin.bench.families import sweep
 from twin.hardware.actuator import drive
 from twin.studies.beyond import aim, twin_truth
 
+SHOWN = 60.0  # [s] of a figure
 KINDS = ("same kind", "another kind", "a third kind")
 
 
-def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
-    """Points below the ceiling on both kinds of input, values, and seconds."""
-    joint, seed = case
-    p = leg(joint, seed)
+def fitted(joint: str, seed: int, p: twin.Parameters, options: argparse.Namespace) -> tuple[Fit, IOData, float]:
+    """The joint of a drawn leg, its record, and the CPU seconds of the fit."""
     plain = actuated_joint(play=False, driver_step=drive(p, joint).step)
     data, _ = records(joint, seed, p)
     if options.record != "stairs":
@@ -46,13 +48,27 @@ def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
         first = fit_joint(data, plain, seed=seed).fit
         data = designed_record(design(first, data, to_stops=True), joint, 3 * seed + 4, p)
     start = time.process_time()
-    fit = fit_joint(data, plain, seed=seed).fit
-    row: Row = {"joint": joint, "seed": seed, "seconds": time.process_time() - start}
-    info = joint_information(fit, data)
+    return fit_joint(data, plain, seed=seed).fit, data, time.process_time() - start
+
+
+def unseen(joint: str, seed: int, p: twin.Parameters, Ts: float) -> dict[str, Any]:
+    """A log of each kind of input."""
     whole = {"amplitude": p["supply_voltage"]}
     inputs = ("sweep", 2, sweep(joint, p, "voltage")), ("aprbs", 3, whole), ("multisine", 1001, whole)
-    for kind, (name, k, settings) in zip(KINDS, inputs, strict=True):
-        log = twin.Experiment(joint, name, DURATION, data.Ts, 3 * seed + k, (), p, settings).run()
+    return {
+        kind: twin.Experiment(joint, name, DURATION, Ts, 3 * seed + k, (), p, settings).run()
+        for kind, (name, k, settings) in zip(KINDS, inputs, strict=True)
+    }
+
+
+def score(case: tuple[str, int], options: argparse.Namespace) -> Row:
+    """Points below the ceiling on each kind of input, values, and seconds."""
+    joint, seed = case
+    p = leg(joint, seed)
+    fit, data, seconds = fitted(joint, seed, p, options)
+    row: Row = {"joint": joint, "seed": seed, "seconds": seconds}
+    info = joint_information(fit, data)
+    for kind, log in unseen(joint, seed, p, data.Ts).items():
         row[kind] = below_ceiling(fit, log)
         band = monte_carlo(info, log.io(), noise=True, draws=200)
         held = (band.lower <= log.y) & (log.y <= band.upper)
@@ -70,8 +86,35 @@ def values_of(fit: Fit, data: IOData, joint: str, p: twin.Parameters) -> dict[st
     return out
 
 
+def draw(rows: list[Row], options: argparse.Namespace) -> None:
+    """The worst joint on each kind of input that it was not fitted to, fitted once more, with its band."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 6), layout="constrained")
+    for ax, kind in zip(figure.subplots(2, 1), KINDS[1:], strict=True):
+        worst = max(rows, key=lambda row: row[kind])
+        joint, seed = worst["joint"], worst["seed"]
+        p = leg(joint, seed)
+        fit, data, _ = fitted(joint, seed, p, options)
+        log = unseen(joint, seed, p, data.Ts)[kind]
+        band = monte_carlo(joint_information(fit, data), log.io(), noise=True, draws=200)
+        shown = slice(0, round(SHOWN / data.Ts))
+        t, y, free_run = data.Ts * np.arange(len(log.y)), log.io().y[:, 0], fit.simulate(log.io())
+        low, high = (np.degrees(side.reshape(-1)[shown]) for side in (band.lower, band.upper))
+        ax.fill_between(t[shown], low, high, color="C1", alpha=0.3, label="95 % band")
+        ax.plot(t[shown], np.degrees(y[shown]), color="0.2", label="measured")
+        ax.plot(t[shown], np.degrees(free_run.reshape(-1)[shown]), color="C1", label="free run")
+        title = f"{joint} {seed}, {kind}: {worst[kind]:.1f} points below the ceiling, the worst of {len(rows)}"
+        ax.set(ylabel="angle [deg]", title=title)
+    ax.set_xlabel("time [s]")
+    ax.legend(loc="lower right", ncols=3)
+    figure.savefig(options.figure, dpi=120)
+
+
 def summary(rows: list[Row], options: argparse.Namespace) -> str:
     """Found, within 2 points, median and worst by kind of input; then the values."""
+    if options.figure:
+        draw(rows, options)
     seconds, lines = [row["seconds"] for row in rows], []
     for kind in KINDS:
         x, held = (np.array([row[name] for row in rows]) for name in (kind, f"held, {kind}"))
@@ -101,5 +144,7 @@ STUDY = Study(
             "choices": ("sweep", "stairs", "designed"),
             "help": "what is fitted",
         },
+        "--figure": {"type": Path, "help": "PNG with the worst joint on each other kind of input"},
     },
+    selecting=("figure",),
 )
