@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from often import often
+from often import by_day, often
 
 import sysid
 from sysid.base.errors import InputError
@@ -171,6 +171,37 @@ def test_a_known_joint_is_found_from_its_sweep_and_predicts_another_input(seed):
     unseen = record(Aprbs(12.0), 500 + seed, 0.0)
     error = np.degrees(fit.simulate(unseen) - unseen.y[:, 0])[100:]
     assert np.sqrt(np.mean(error**2)) < 0.5
+
+
+def drawn_sweep(seed):
+    """A joint that differs from `TRUE` in all of its motor and its link, on a sweep of 200 s."""
+    rng = np.random.default_rng([seed, 97])
+
+    def factor(low, high):
+        return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+    values = TRUE | {"motor.gain": 0.0019 * factor(0.6, 1.6), "motor.lag": factor(0.5, 2.5)}
+    values |= {"motor.rise": 2.0 * factor(0.7, 1.4), "motor.fall": 2.0 * factor(0.7, 1.4)}
+    values |= {"motor.delay": rng.uniform(0.1, 1.5), "motor.load0": rng.uniform(-0.8, 0.8)}
+    values |= {"motor.load1": rng.uniform(-1.0, 1.0), "motor.load2": rng.uniform(-1.0, 1.0)}
+    values |= {"motor.loss": rng.uniform(0.1, 1.0), "motor.stick": factor(0.2, 0.9)}
+    values |= {"motor.stick_down": factor(0.2, 0.9), "motor.stick_speed": factor(2e-4, 2e-3)}
+    values |= {"motor.jam": rng.uniform(0.0, 400.0), "play.width": factor(0.004, 0.02)}
+    values |= {"play.drag": factor(1e-3, 0.2), "play.pull1": rng.uniform(-0.02, 0.02)}
+    values |= {"play.pull0": rng.uniform(-0.01, 0.01)}
+    u = Sweep(12.0, 6.0, jitter=0.5, shrink=0.5).generate(4000, 0.05, rng)
+    y = FULL_JOINT.simulate(theta_of(FULL_JOINT, values), u) + NOISE * rng.standard_normal(4000)
+    return IOData(u, y, 0.05, u_unit="V", y_unit="rad")
+
+
+@pytest.mark.parametrize("seed", by_day(range(24), 20))
+def test_a_drawn_joint_is_found_to_its_noise(seed):
+    """Of seeds 0 to 23 all but one end within 3 % of the noise, that one at 11 %.
+
+    A first round of four starts ends at 3.7 times the noise on seed 20.
+    """
+    fit = fit_joint(drawn_sweep(seed), seed=seed).fit
+    assert np.sqrt(fit.criteria.mse) < 1.15 * NOISE
 
 
 @pytest.mark.nightly
