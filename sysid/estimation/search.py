@@ -1,9 +1,11 @@
 """The searches of one fit: a race of several starts, or rounds of a portfolio of starts until two of them agree."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +25,8 @@ from sysid.model.chain import Chain
 from sysid.solver.iterate import ESTIMATE, Options, Outcome, iterate, time_limit
 from sysid.solver.linearisation import order_of
 from sysid.solver.searches import search as make_search
+
+T = TypeVar("T")
 
 # The numbers of the portfolio were chosen on drawn plants and judged on fresh ones (study global_optimum): 147 of
 # 150 fits end within 1 % of the loss from the truth, see docs/optimum.md.
@@ -117,12 +121,17 @@ def race(context: SearchContext, problems: list[ChainProblem]) -> list[Outcome]:
         return [context.iterate(problems[0], problems[0].start, context.options)]
     # Threads, not processes: the loops over samples release the interpreter's lock, and no data are copied.
     with ThreadPoolExecutor(min(len(problems), available_cores())) as pool:
-        outcomes = list(pool.map(context.trial, problems))
+        outcomes = _in_threads(pool, context.trial, problems)
         leaders = [int(k) for k in order_of(o.cost for o in outcomes)[:_LEADERS]]
-        ends = list(pool.map(lambda k: context.iterate(problems[k], outcomes[k].p, context.options), leaders))
+        ends = _in_threads(pool, lambda k: context.iterate(problems[k], outcomes[k].p, context.options), leaders)
     for k, end in zip(leaders, ends, strict=True):
         outcomes[k] = outcomes[k].then(end)
     return outcomes
+
+
+def _in_threads(pool: ThreadPoolExecutor, function: Callable[[T], Outcome], items: Sequence[T]) -> list[Outcome]:
+    """`function` of each item, under the caller's `np.errstate`, which a thread does not have by itself."""
+    return list(pool.map(lambda own, item: own.run(function, item), [copy_context() for _ in items], items))
 
 
 def set_curvature_weight(context: SearchContext, problems: list[ChainProblem]) -> list[ChainProblem]:

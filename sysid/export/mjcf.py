@@ -113,6 +113,11 @@ def fragment(fit: Fit, joint: str = "joint", torque_per_volt: float = 1.0, link_
         if not least < value < np.inf:
             raise InputError(f"{name} is {value}; give a positive number")
     parts = _Parts(fit)
+    if not parts.speed > 0.0:
+        raise InputError(
+            "the fitted motor never moves: its speed per volt is 0; identify a record in which the joint moves, with "
+            "more starts"
+        )
     return (
         parts.with_map(joint, torque_per_volt, link_inertia)
         if parts.travel

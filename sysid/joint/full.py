@@ -48,8 +48,8 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
     "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
     servo; "bands": a dead band of its loop; "turns": a load that repeats every turn of a joint without linkage whose
-    `data` go over `TURNS_NEEDED`; "levers": a load that follows the slope of a bent linkage, near a dead centre steeper
-    than a parabola; and those of `sysid.motor_parts`.
+    `data` go over `TURNS_NEEDED`; "levers": a load that follows the slope of a bent linkage between two
+    stops, near a dead centre steeper than a parabola; and those of `sysid.motor_parts`.
     """
     motor, wanted = motor_of(plain), set(parts)
     options: dict[str, Any] = {name: name in wanted for name in ("stribeck", "sided")}
@@ -64,7 +64,8 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     full = replace(motor, **options)
     full = replace(full, loss="loss" in wanted and full.loaded)
     travel = travel_of(plain)
-    if "levers" in wanted and full.loss and full.load == 3 and travel is not None and travel.knots > 2:
+    bent = travel is not None and travel.knots > 2
+    if "levers" in wanted and bent and full.loss and full.load == 3 and full.stops is True:  # beyond a stop it runs off
         full = replace(full, load=len(LOADS))
     blocks = [full if block is motor else block for block in plain.blocks]
     if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):

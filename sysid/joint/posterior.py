@@ -127,7 +127,7 @@ def fit_joint(
     data: IOData,
     plain: Chain | None = None,
     search: str = "lm",
-    starts: int = 2,
+    starts: int = 5,
     seed: int = 0,
     parts: Iterable[str] = PARTS,
     progress: Callable[[str], None] | None = None,

@@ -196,9 +196,11 @@ def iterate(
     history: list[dict[str, Any]] = []
     trials: list[tuple[np.ndarray, np.ndarray]] = []
     e = problem.residual(p)
-    if e is None or not np.all(np.isfinite(e)):
+    with np.errstate(over="ignore"):  # a start that runs away may be finite while its square is not
+        cost = np.inf if e is None else float(e @ e)
+    if not np.isfinite(cost):
         return Outcome(p, np.inf, Stop("the starting point is not a valid model", False, 0, 1))
-    cost, improvement, reason, converged, iteration = float(e @ e), np.inf, "", False, 0
+    improvement, reason, converged, iteration = np.inf, "", False, 0
     del e  # a long record does without it
 
     def attempt(delta: np.ndarray) -> tuple[float, np.ndarray]:

@@ -210,7 +210,7 @@ def joint(tmp_path_factory):
     y = np.clip(np.cumsum(np.where(np.abs(u) > 2.0, 0.02 * u, 0.0)), -1.0, 1.0) + 0.01 * rng.normal(size=300)
     data = sysid.IOData(u, y, 0.1, "voltage", "angle", "V", "rad")
     few = sysid.Options(max_iterations=3)
-    fit = sysid.fit(sysid.structures.actuated_joint(play=False), data, starts=1, options=few)
+    fit = sysid.fit(sysid.structures.actuated_joint(play=False), data, starts=4, options=few)
     fit.save(folder / "model.json")
     return folder
 

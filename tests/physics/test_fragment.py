@@ -270,6 +270,9 @@ def test_what_is_no_joint_is_said():
     fit = sysid.fit(sysid.structures.output_error(1, 1, 1), data)
     with pytest.raises(InputError, match="structure actuated_joint"):
         mjcf.fragment(fit)
+    still = fit_of(actuated_joint(motor=Motor(load=0), knots=None, play=False), **PLAIN | {"gain": 0.0}, **STOPS)
+    with pytest.raises(InputError, match="the fitted motor never moves"):
+        mjcf.fragment(still)
     good = fit_of(actuated_joint(motor=Motor(load=0), knots=None, play=False), **PLAIN, **STOPS)
     with pytest.raises(InputError, match="torque_per_volt is -1"):
         mjcf.fragment(good, torque_per_volt=-1.0)

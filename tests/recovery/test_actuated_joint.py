@@ -38,7 +38,7 @@ def record(chain: Chain, seed: int, noise: float = NOISE) -> tuple[IOData, np.nd
 
 def expected(chain: Chain) -> dict[str, float]:
     """The physical values of TRUE, worked out by hand."""
-    share = CubicSpline(KNOTS, SHARES, bc_type="natural")
+    share = CubicSpline(KNOTS, SHARES)
     slope = (TRUE["map.high"] - TRUE["map.low"]) * float(share(0.6) - share(0.4)) / 0.2
     return {
         "speed_per_volt": TRUE["motor.gain"] * slope / TS,

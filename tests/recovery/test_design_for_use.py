@@ -57,7 +57,7 @@ def written(data, path):
 @pytest.fixture(scope="module")
 def first():
     data = played(drawn(Sweep(12.0, 7.0, jitter=0.4, shrink=0.4), 600, 0), 0)
-    return data, fit_joint(data).fit
+    return data, fit_joint(data, starts=2).fit  # from few starts, without the lower end: a joint that has much to learn
 
 
 def test_the_expected_deviation_is_that_of_the_information_of_both_records(first):

@@ -151,7 +151,8 @@ def _drive_record(fit: Fit | NlarxFit) -> tuple[IOData, np.ndarray]:
     if not np.isfinite(stroke):  # a joint without stops, or with one
         stroke = 1.0
     crossing = 50  # samples
-    amplitude = max(value["rise"], value["fall"]) + value["stick"] + stroke / (crossing * value["gain"])
+    reach = stroke / (crossing * value["gain"]) if value["gain"] > 0.0 else max(map(abs, fit.u_span))
+    amplitude = max(value["rise"], value["fall"]) + value["stick"] + reach
     signal = Aprbs(amplitude, hold_min=0.2 * crossing * fit.Ts, hold_max=2 * crossing * fit.Ts)
     u = signal.generate(TURNS * crossing, fit.Ts, np.random.default_rng(0))
     with quiet():
