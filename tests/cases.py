@@ -21,6 +21,7 @@ from sysid.blocks import (
     FrictionLag,
     Innovations,
     LimitedIntegrator,
+    Linkage,
     Motor,
     Offset,
     PiecewiseLinear,
@@ -176,6 +177,7 @@ BLOCKS = {
         np.array([0.8, -0.6, 0.2, 0.5, 0.3, -0.8, 0.1, 0.9, -1.2, 0.5, 0.2, -0.3, 0.4, 0.55, 0.1, -0.2]),
     ),
     "travel_map": (TravelMap(knots=5, role="map"), np.array([-0.8, 1.1, 0.3, 0.45, 0.8])),
+    "linkage": (Linkage(role="map"), np.array([-0.8, 1.1, 0.5, 2.7, 0.6])),
     "wavelet_network": (
         WaveletNetwork(wavelets=2, scaling=1, role="map"),
         np.array([0.2, 0.9, 0.6, -0.8, 0.7, 1.3, 2.1, 0.9, -0.8, 0.6, 0.3]),
@@ -262,9 +264,10 @@ MOVING = {
         TravelMap(knots=5, smooth=True, bent_ends=True, role="map"),
         np.array([-0.8, 1.1, 0.3, 0.5, 0.8]),
     ),
-    "motor_steep": (  # gain, lag, rise, fall, load0-4, loss, delay, lower, upper, x0, v0
-        Motor(load=5, loss=True, substeps=2, role="map"),
-        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 0.15, -0.6, 0.8, 0.3, 0.37, 0.05, 1.1, 0.4, 0.1]),
+    "linkage_bent": (Linkage(bends=2, role="map"), np.array([-0.8, 1.1, 0.9, 2.0, -0.6, 0.01, -0.004])),
+    "motor_lever": (  # gain to fall, load0-3, bearing, angle0, angle1, stroke, loss, delay, lower, upper, x0, v0
+        Motor(load=4, lever=True, loss=True, substeps=2, role="map"),
+        np.array([0.15, 0.6, 0.3, 0.4, -0.1, 0.2, 0.15, -0.1, 0.05, 0.7, 2.6, 0.5, 0.3, 0.37, 0.0, 1.0, 0.4, 0.1]),
     ),
     "motor_loaded": (  # gain, lag, rise, fall, stick, stick_speed, load0-2, loss, delay, lower, upper, x0, v0
         Motor(load=3, loss=True, stribeck=True, substeps=3, role="map"),

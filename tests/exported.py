@@ -51,13 +51,16 @@ JOINT = {
     **{"motor.stick": 0.8, "motor.stick_speed": 0.002, "motor.load0": -0.4},
     **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.012, "play.rest": 0.2},
     **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
+    **{"map.angle0": 0.9, "map.angle1": 2.2, "map.stroke": 0.4},
     **{"driver.lower": -0.4, "driver.upper": 0.7},
     **{"motor.jam": 1000.0, "play.drag": 0.02, "play.pull0": 0.005, "play.pull1": 0.01},
 }
 JOINTS = {
-    "coasting": actuated_joint(motor=Motor(load=3, jams=True), play=CoastingPlay()),
+    "coasting": actuated_joint(knots=9, motor=Motor(load=3, jams=True), play=CoastingPlay()),
     "plain": actuated_joint(),
-    "with_everything": actuated_joint(driver="dead_zone", motor=Motor(load=3, loss=True, stribeck=True, substeps=3)),
+    "with_everything": actuated_joint(
+        knots=9, driver="dead_zone", motor=Motor(load=3, loss=True, stribeck=True, substeps=3)
+    ),
     "without_stops": actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False),
 }
 

@@ -59,7 +59,16 @@ def _divided(a, b):
 
 
 BUILT_IN = {
-    **{"abs": abs, "min": min, "max": max, "sqrt": math.sqrt, "sin": math.sin, "cos": math.cos, "tanh": math.tanh},
+    **{
+        "abs": abs,
+        "min": min,
+        "max": max,
+        "sqrt": math.sqrt,
+        "sin": math.sin,
+        "cos": math.cos,
+        "acos": math.acos,
+        "tanh": math.tanh,
+    },
     **{"exp": exp, "log": log, "floor": lambda x: float(math.floor(x)), "integer": math.floor},
     "size": lambda row, k: len(row),
 }

@@ -21,6 +21,7 @@ from sysid.blocks.dynamic import Dynamic, dynamic
 from sysid.blocks.friction_lag import FrictionLag
 from sysid.blocks.innovations import Innovations
 from sysid.blocks.limited_integrator import LimitedIntegrator
+from sysid.blocks.linkage import Linkage
 from sysid.blocks.motor import Motor
 from sysid.blocks.offset import Offset
 from sysid.blocks.piecewise_linear import PiecewiseLinear
@@ -36,7 +37,7 @@ from sysid.blocks.sigmoid_network import SigmoidNetwork
 from sysid.blocks.state_space import StateSpace
 from sysid.blocks.transfer_function import TransferFunction
 from sysid.blocks.transfer_matrix import TransferMatrix
-from sysid.blocks.travel_map import TravelMap
+from sysid.blocks.travel_map import Travel, TravelMap
 from sysid.blocks.unit_gain import UnitGain
 from sysid.blocks.wavelet_network import WaveletNetwork
 from sysid.blocks.wrap import Wrap
@@ -65,6 +66,7 @@ TABLE: dict[str, Callable[..., Block]] = {
     "friction_lag": FrictionLag,
     "innovations": Innovations,
     "limited_integrator": LimitedIntegrator,
+    "linkage": Linkage,
     "motor": Motor,
     "offset": Offset,
     "play": Play,
@@ -108,6 +110,7 @@ __all__ = [
     "FrictionLag",
     "Innovations",
     "LimitedIntegrator",
+    "Linkage",
     "Motor",
     "Offset",
     "PiecewiseLinear",
@@ -124,6 +127,7 @@ __all__ = [
     "StateSpace",
     "TransferFunction",
     "TransferMatrix",
+    "Travel",
     "TravelMap",
     "UnitGain",
     "WaveletNetwork",

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, exp, sin
+from math import exp
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,6 +15,8 @@ from sysid.block.compiler.recursion import Recursion
 from sysid.block.step import advance_lag, ago, floor, sign, time_to_reach
 from sysid.block.symmetry import Symmetry
 from sysid.block.writing import Writer, solved
+from sysid.blocks._motor_load import lever_at, load_at, lost_of, rise_at
+from sysid.blocks.linkage import SHAPE, SHAPE_SLOTS
 from sysid.motor_parts import ABSENT, TABLE, MotorPart, drag_of_parts, drive_of_parts
 
 _FASTEST = 1e-3  # samples; a lag below it cannot be told from none
@@ -21,7 +24,7 @@ LONGEST = 20.0  # samples of delay
 SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 MOST_WAVES = 2  # harmonics of a periodic load
 STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
-LOADS = tuple(f"load{i}" for i in range(5))  # coefficients of the load over the position
+LOADS = tuple(f"load{i}" for i in range(4))  # coefficients of the load over the position
 _VOLTS = ("rise", "fall", "stick", "stick_down", *LOADS)
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
@@ -47,7 +50,7 @@ def stretch(s, w, h, p, block):
 
     The load stays through a reversal: taken anew there, it would give a spring energy at each.
     """
-    load, fresh = 0.0, True
+    load, hold, rise, bend, fresh = 0.0, 0.0, 0.0, 0.0, True
     w = drive_of_parts(s, w, h, p, block)
     for _ in range(6):  # one pass is usual; a turn, a strike or a jam takes one more
         if block.jams and s.jammed > 0.0:
@@ -57,13 +60,15 @@ def stretch(s, w, h, p, block):
             if s.jammed > 0.0:
                 break
         if block.loaded and fresh:
-            load = load_at(s.position, p, block)
-        lost = p.loss * abs(load)
+            if block.lever:
+                load, hold, rise, bend = lever_at(s.position, p, block)
+            else:
+                load, rise = load_at(s.position, p, block), rise_at(s.position, p, block)
         way = sign(s.speed)
         stick_down = p.stick_down if block.sided else p.stick
-        if way == 0.0 and w - load > p.rise + p.stick + lost and s.position < p.upper:
+        if way == 0.0 and w - load > p.rise + p.stick + lost_of(load, hold, 1.0, p) and s.position < p.upper:
             way = 1.0
-        elif way == 0.0 and w - load < -(p.fall + stick_down + lost) and s.position > p.lower:
+        elif way == 0.0 and w - load < -(p.fall + stick_down + lost_of(load, hold, -1.0, p)) and s.position > p.lower:
             way = -1.0
         if way == 0.0:  # friction or a stop holds it
             s.speed = 0.0
@@ -75,9 +80,18 @@ def stretch(s, w, h, p, block):
         drag += drag_of_parts(s, p, block)
         decay = exp(-h / p.lag)
         if block.bent and fresh:
-            load = load_midway(s, p.gain * (w - load - way * (drag + lost)), h, p.lag * (1.0 - decay), p, block)
-            lost = p.loss * abs(load)
-        target = p.gain * (w - load - way * (drag + lost))
+            target = p.gain * (w - load - way * (drag + lost_of(load, hold, way, p)))
+            held = p.lag * (1.0 - decay)
+            # The middle of the way that is left, as far as the stops leave it. Where the load rises the way is that of
+            # the implicit midpoint rule, which no stiff load makes unstable.
+            half = 0.5 * (target * (h - held) + s.speed * held) / (1.0 + 0.5 * p.gain * max(rise, 0.0) * (h - held))
+            x = min(max(s.position + half, p.lower), p.upper)
+            if block.lever:
+                load += (x - s.position) * rise
+                hold += (x - s.position) * bend
+            else:
+                load = load_at(x, p, block)
+        target = p.gain * (w - load - way * (drag + lost_of(load, hold, way, p)))
         begins, before = s.position, s.speed
         span, turns = advance_lag(s, target, p.lag, way, h, decay)
         fresh = (way > 0.0 and s.position >= p.upper) or (way < 0.0 and s.position <= p.lower)
@@ -94,35 +108,6 @@ def stretch(s, w, h, p, block):
             break
 
 
-def load_at(x, p, block):
-    away = x - block.at
-    load = p.load0 + p.load1 * away + p.load2 * away * away
-    if block.steep:
-        load += (p.load3 + p.load4 * away) * away * away * away
-    if block.periodic:
-        a = block.turn * x
-        load += p.sine1 * sin(a) + p.cosine1 * cos(a) + p.sine2 * sin(2.0 * a) + p.cosine2 * cos(2.0 * a)
-    return load
-
-
-def load_midway(s, target, h, held, p, block):
-    """The load in the middle of the way that a time h covers, as far as the stops leave it.
-
-    Where the load rises the way is that of the implicit midpoint rule, which no stiff load makes unstable.
-    """
-    away = s.position - block.at
-    rises = p.load1 + 2.0 * p.load2 * away
-    if block.steep:
-        rises += (3.0 * p.load3 + 4.0 * p.load4 * away) * away * away
-    if block.periodic:
-        a = block.turn * s.position
-        waves = p.sine1 * cos(a) - p.cosine1 * sin(a) + 2.0 * (p.sine2 * cos(2.0 * a) - p.cosine2 * sin(2.0 * a))
-        rises += block.turn * waves
-    half = 0.5 * (target * (h - held) + s.speed * held)
-    half /= 1.0 + 0.5 * p.gain * max(rises, 0.0) * (h - held)
-    return load_at(min(max(s.position + half, p.lower), p.upper), p, block)
-
-
 @checked
 @dataclass(frozen=True)
 class Motor(Recursion):
@@ -132,7 +117,7 @@ class Motor(Recursion):
     `fall` against downward motion, plus loss |L|, the screw friction of the load. With `stribeck` it grows by `stick`
     as the speed falls below stick_speed, with `sided` by stick_down against downward motion. At rest the motor stands
     until the input exceeds friction and load: stick is a state, not a steep slope. L(x) = load0 + load1 (x - at) +
-    load2 (x - at)^2 + ..., with `load` coefficients up to 5, plus sine_k sin(2 pi k x / period) +
+    load2 (x - at)^2, with `load` coefficients up to 3 (4 of a lever), plus sine_k sin(2 pi k x / period) +
     cosine_k cos(2 pi k x / period) for k up to `periodic`, as a pendulum pulls over many turns (period 360 where x is
     in degrees). `stops` (True or "both", "lower", "upper", False or "none") end the motion at `lower` and `upper`,
     where the speed becomes zero; fix both at 0 and 1 with x in strokes, or leave them free and fix the next map. With
@@ -147,7 +132,7 @@ class Motor(Recursion):
 
     functions: ClassVar = {"step": step, "begin": begin}
     absent: ClassVar = {
-        **dict.fromkeys(("stick", "stick_down", *LOADS, "loss", "jam", "delay"), 0.0),
+        **dict.fromkeys(("stick", "stick_down", *LOADS, "loss", "jam", "delay", "bearing", *SHAPE), 0.0),
         **dict.fromkeys((f"{wave}{k}" for k in range(1, MOST_WAVES + 1) for wave in ("sine", "cosine")), 0.0),
         **{"stick_speed": 1.0, "lower": -np.inf, "upper": np.inf},
         **ABSENT,
@@ -156,6 +141,7 @@ class Motor(Recursion):
     rare: ClassVar = tuple(f"has_{part}" for part in TABLE)
 
     load: int = 1
+    lever: bool = False
     loss: bool = False
     stribeck: bool = False
     sided: bool = False
@@ -169,14 +155,15 @@ class Motor(Recursion):
     further: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        if not 0 <= self.load <= len(LOADS):
-            raise InputError(f"load is {self.load}; give 0 to {len(LOADS)} coefficients of the position-dependent load")
+        most = len(LOADS) if self.lever else 3
+        if not 0 <= self.load <= most:
+            raise InputError(f"load is {self.load}; give 0 to {most} coefficients of the position-dependent load")
         if not 0 <= self.periodic <= MOST_WAVES:
             raise InputError(f"periodic is {self.periodic}; give 0 to {MOST_WAVES} harmonics of the periodic load")
         if not 0.0 < self.period < np.inf:
             raise InputError(f"the period is {self.period}; give the length of a turn above 0, 2 pi or 360")
         if self.loss and not (self.load or self.periodic):
-            raise InputError("loss=True needs a load; give load from 1 to 5, or periodic, or loss=False")
+            raise InputError("loss=True needs a load; give load from 1 to 3, or periodic, or loss=False")
         if isinstance(self.stops, str):
             if self.stops not in STOPS:
                 raise unknown("kind of stops", self.stops, STOPS)
@@ -190,6 +177,8 @@ class Motor(Recursion):
         for part in self.further:
             if part not in TABLE:
                 raise unknown("part of a motor", part, TABLE)
+        if self.lever and not (self.load and self.stops is True):  # beyond its ends a triangle does not close
+            raise InputError("lever=True needs a load and both end stops; give load from 1 to 4, and stops=True")
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 
@@ -214,12 +203,7 @@ class Motor(Recursion):
     @property
     def bent(self) -> bool:
         """Whether the load changes with the position."""
-        return self.load > 1 or self.periodic > 0
-
-    @property
-    def steep(self) -> bool:
-        """Whether the load over the position is more than a parabola."""
-        return self.load > 3
+        return self.load > 1 or self.periodic > 0 or self.lever
 
     @property
     def turn(self) -> float:
@@ -248,6 +232,8 @@ class Motor(Recursion):
         if self.sided:
             slots.append(Slot("stick_down", "V", lower=0.0))
         slots += [Slot(name, "V") for name in (*LOADS[: self.load], *self.waves)]
+        if self.lever:
+            slots += [Slot("bearing", "V", lower=0.0), *SHAPE_SLOTS]
         if self.loss:
             slots.append(Slot("loss", lower=0.0, upper=MOST_LOSS))
         if self.jams:
@@ -263,6 +249,16 @@ class Motor(Recursion):
         place = self._places.get(name)
         return self.absent.get(name, 0.0) if place is None else float(theta[place])
 
+    def named(self, theta: np.ndarray) -> SimpleNamespace:
+        """theta as the functions of the step read it."""
+        return SimpleNamespace(**{**self.absent, **self.by_name(theta)})
+
+    def borne(self, theta: np.ndarray, x: float) -> tuple[float, float]:
+        """The load, and the friction of a bearing behind a lever, at place x [V]."""
+        p = self.named(theta)
+        load, hold = lever_at(x, p, self)[:2] if self.lever else (load_at(x, p, self), 0.0)
+        return float(load), float(hold)
+
     @cached_property
     def _places(self) -> dict[str, int]:
         """Where each parameter stands in theta; each step of a search asks."""
@@ -277,7 +273,7 @@ class Motor(Recursion):
     def equations(self, theta: np.ndarray, w: Writer) -> list[str]:
         """The equation of motion in v', not the exact solution used in the step."""
         m = self.by_name(theta)
-        away = f"({w.sum([(1.0, w.y), (-self.at, '')])})"
+        away = f"({w.sum([(1.0, 's' if self.lever else w.y), (-self.at, '')])})"
         net = f"{w.x} - L" if self.load or self.periodic else w.x
         powers = ("", away, *(f"{away}^{i}" for i in range(2, len(LOADS))))
         load = [(m[name], power) for name, power in zip(LOADS[: self.load], powers, strict=False)]
@@ -286,7 +282,9 @@ class Motor(Recursion):
             load.append((m[name], f"{'sin' if name.startswith('s') else 'cos'}({turns}*{w.y})"))
         stick = "S" if self.sided else w.num(m["stick"]) if self.stribeck else ""
         extra = [f"{stick}*exp(-(v/{w.num(m['stick_speed'])})^2)"] if self.stribeck else []
-        extra += [f"{w.num(m['loss'])}*|L|"] if self.loss else []
+        borne = "L + B sign(v)" if self.lever else "L"
+        extra += [f"{w.num(m['bearing'])}*s'"] if self.lever else []
+        extra += [f"{w.num(m['loss'])}*|{borne}|"] if self.loss else []
         up = w.num(m["rise"]) + (" + R" if extra else "")
         down = f"-({w.num(m['fall'])} + R)" if extra else w.num(-m["fall"])
         places = " and at ".join(w.num(m[name]) for name in self.ends)
@@ -295,7 +293,7 @@ class Motor(Recursion):
         late = f" and acts {w.num(m['delay'])} samples late" if m.get("delay") else ""
         lines = [
             f"{w.num(m['lag'])}*v' + v = {w.num(m['gain'])}*({net} - F), {w.y}' = v, time in samples",
-            f"  L = {w.sum(load)}" if load else "",
+            f"  L = {self._lever_in_words(w.sum(load), m, w) if self.lever else w.sum(load)}" if load else "",
             f"  S = {w.num(m['stick'])} against upward, {w.num(m['stick_down'])} against downward motion"
             if self.sided
             else "",
@@ -308,6 +306,11 @@ class Motor(Recursion):
             self._solution_notes(),
         ]
         return [line for line in lines if line]
+
+    def _lever_in_words(self, torque: str, m: dict[str, float], w: Writer) -> str:
+        a, b, c = (w.num(m[name]) for name in SHAPE)
+        angle = f"acos((1 - h)*cos({a}) + h*cos({b})), h = {w.y} - {c}*{w.y}*(1 - {w.y})/2"
+        return f"({torque})*s', B = {w.num(m['bearing'])}*s', s = (a - {a})/({b} - {a}), s' = ds/d{w.y}, a = {angle}"
 
     def _part_in_words(self, part: MotorPart, m: dict[str, float], w: Writer) -> str:
         return part.equation.format(*(w.num(m[slot.name]) for slot in part.slots))
@@ -360,11 +363,12 @@ class Motor(Recursion):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {"gain": -1.0, **dict.fromkeys(_VOLTS, 1.0), **dict.fromkeys(self.waves, 1.0)}
+        volts["bearing"] = 1.0
         volts |= {name: power for part in self.further for name, power in TABLE[part].volts.items()}
         changes = [Symmetry(along(volts), in_scale=1.0)]
-        if self.load:
+        if self.load and not self.lever:
             changes.append(Symmetry(np.array([float(name == "load0") for name in names]), in_shift=1.0))
-        if self.load and not self.loss:  # a constant load is a difference between the frictions
+        if self.load and not self.loss and not self.lever:  # a constant load is a difference between the frictions
             moves = {"rise": 1.0, "fall": -1.0, "load0": -1.0}
             changes.append(Symmetry(np.array([moves.get(name, 0.0) for name in names])))
         if not self.bent:  # a load over position would have to be scaled about `at`

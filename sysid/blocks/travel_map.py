@@ -1,5 +1,6 @@
 """Monotone map over a stroke from 0 at one end stop to 1 at the other; the angles of the ends are parameters."""
 
+from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
@@ -24,9 +25,18 @@ def value(x, p, block):
     return p.low + p.way * line(x, p, block)
 
 
+class Travel(StaticBlock):
+    """A map over a stroke from 0 to 1; `low` and `high`, its first two parameters, are the outputs at these ends."""
+
+    @property
+    @abstractmethod
+    def is_line(self) -> bool:
+        """Whether it is a line."""
+
+
 @checked
 @dataclass(frozen=True)
-class TravelMap(Written, StaticBlock):
+class TravelMap(Written, Travel):
     """y = low + (high - low) s(x) with s(0) = 0, s(1) = 1 and s increasing, piecewise linear on `knots` equal steps.
 
     It describes the linkage of an actuator. `low` and `high` are the outputs at the two ends; s_1, s_2, ... are the
@@ -49,6 +59,10 @@ class TravelMap(Written, StaticBlock):
                 f"bent ends need a smooth travel map of 4 knots, and this one has {self.knots} and smooth={self.smooth}"
                 "; give smooth=True and more knots, or leave bent_ends out"
             )
+
+    @property
+    def is_line(self) -> bool:
+        return self.knots == 2
 
     @property
     def n(self) -> int:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sysid.block.block import StaticBlock
-from sysid.blocks import ProfiledMotor, TravelMap
+from sysid.blocks import ProfiledMotor, Travel
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.likely_state import likely_initial
@@ -155,8 +155,8 @@ def _way(chain: Chain, theta: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
     With a curved travel map positions are in strokes, and a record leaves the stroke by less than its length.
     """
-    motor, travel = motor_of(chain), next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
-    part, mapped = chain.part(theta, motor), travel is not None and travel.knots > 2
+    motor, travel = motor_of(chain), next((b for b in chain.blocks if isinstance(b, Travel)), None)
+    part, mapped = chain.part(theta, motor), travel is not None and not travel.is_line
     low, high = (-1.0, 2.0) if mapped else (float(y.min()), float(y.max()))
     if travel is not None and not mapped:
         first, last = chain.part(theta, travel)

@@ -8,6 +8,7 @@ import numpy as np
 
 from sysid.block.block import Block
 from sysid.blocks import CoastingPlay, Motor, ServoMotor
+from sysid.blocks.linkage import SHAPE
 from sysid.data.record import IOData
 from sysid.model.chain import Chain
 
@@ -63,7 +64,9 @@ def sub(chain: Chain, blocks: tuple[Block, ...], hold: Mapping[str, float] | Non
 
 def lift_theta(chain: Chain, theta: np.ndarray, richer: Chain, part: Part) -> np.ndarray:
     """theta of a chain with more parts: the common parameters, the fixed ones of the larger chain, and `part`."""
-    values = dict(zip(chain.names, theta, strict=True)) | part | dict(richer.fixed)
+    values = dict(zip(chain.names, theta, strict=True))
+    lever = {f"motor.{name}": values.get(f"map.{name}", 0.0) for name in SHAPE}  # that of the linkage
+    values = lever | values | part | dict(richer.fixed)
     return np.clip([values.get(name, 0.0) for name in richer.names], *richer.limits)
 
 

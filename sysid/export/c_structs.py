@@ -13,7 +13,7 @@ from sysid.export.program import AnyFit, Program, channel_counts
 from sysid.model.wiring import Unit
 
 LONGEST = 60  # letters of a text from a file in a comment
-LIBM = ("exp", "log", "sqrt", "pow", "sin", "cos", "tanh", "floor")
+LIBM = ("exp", "log", "sqrt", "pow", "sin", "cos", "acos", "tanh", "floor")
 CALLED = re.compile(rf"\b({'|'.join(LIBM)})\(")
 
 

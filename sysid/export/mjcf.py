@@ -12,7 +12,7 @@ import numpy as np
 
 from sysid.base.checks import checked
 from sysid.base.errors import InputError
-from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, ServoMotor, TravelMap
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, ServoMotor, Travel
 from sysid.blocks.motor import LOADS
 from sysid.estimation.joint_parts import is_joint, motor_of
 from sysid.estimation.result import Fit
@@ -132,7 +132,7 @@ class _Parts:
         chain, theta = fit.model, fit.theta
         self.motor: Motor = motor_of(chain)
         self.own = chain.part(theta, self.motor)
-        self.travel = next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+        self.travel = next((b for b in chain.blocks if isinstance(b, Travel)), None)
         self.play = next((b for b in chain.blocks if isinstance(b, Play | CoastingPlay)), None)
         self.width = float(chain.part(theta, self.play)[0]) if self.play is not None else 0.0
         self.within = self.width * float(chain.part(theta, self.play)[1]) if self.play is not None else 0.0
@@ -147,6 +147,7 @@ class _Parts:
         self.stroke = stroke if np.isfinite(stroke) else 1.0  # a map's motor goes from 0 to 1
         tilt = 0.5 * (value["rise"] - value["fall"])  # friction that differs by direction acts as a constant load
         self.load = np.array([value["load0"] + tilt, *(value[name] for name in LOADS[1:])])
+        self.tilt = tilt
         self.stick, self.stick_speed = value["stick"], value["stick_speed"] / Ts
         if self.motor.sided:
             self.stick = 0.5 * (self.stick + value["stick_down"])
@@ -155,7 +156,7 @@ class _Parts:
 
     names = (
         *("gain", "lag", "delay", "rise", "fall", *LOADS, "stick", "stick_down", "stick_speed"),
-        *("lower", "upper", "x0", "loss", "jam"),
+        *("lower", "upper", "x0", "loss", "jam", "bearing"),
     )
 
     def _missing(self, chain, value: dict[str, float]) -> tuple[str, ...]:
@@ -169,6 +170,10 @@ class _Parts:
             sentences.append(
                 f"friction of {value['loss']:.3g} times the load: its mean over the stroke is in frictionloss"
             )
+        if value["bearing"] > 0.0:
+            x = np.linspace(self.lower, self.upper, 101)
+            self.friction += float(np.mean([self.motor.borne(self.own, place)[1] for place in x.tolist()]))
+            sentences.append("a bearing's friction by the slope of the linkage: its mean is in frictionloss")
         if value["jam"] > 0.0:
             sentences.append("jamming at a struck end stop")
         if self.motor.sided:
@@ -186,7 +191,7 @@ class _Parts:
             sentences.append(
                 "the flight of the link within its backlash: the inertia and weight of your link take its place"
             )
-        exportable = (Motor, TravelMap, Play, CoastingPlay)
+        exportable = (Motor, Travel, Play, CoastingPlay)
         for block in chain.blocks:
             if isinstance(block, Quantiser):
                 sentences.append("levels of the driver: round the command before it reaches ctrl")
@@ -197,7 +202,7 @@ class _Parts:
         return tuple(sentences)
 
     def _load_at(self, x: np.ndarray) -> np.ndarray:
-        return np.asarray(np.polynomial.Polynomial(self.load)(x - self.motor.at))
+        return self.tilt + np.array([self.motor.borne(self.own, place)[0] for place in x.tolist()])
 
     def direct(self, joint: str, per_volt: float, link_inertia: float) -> Fragment:
         """Motor and joint share one coordinate."""
@@ -245,13 +250,9 @@ class _Parts:
 
     def _cubic_load(self) -> np.ndarray:
         """Coefficients (4,) of the load as MuJoCo's stiffness can have it, by least squares over the stroke."""
-        if not self.motor.steep:
-            return self.load[:4]
-        x = (
-            np.linspace(self.lower, self.upper, 1001)
-            if self.motor.stops is True
-            else self.first + np.linspace(-1, 1, 1001)
-        )
+        if not self.motor.lever:
+            return self.load
+        x = np.linspace(self.lower, self.upper, 401)
         powers = np.vander(x - self.motor.at, 4, increasing=True)
         load = np.linalg.lstsq(powers, self._load_at(x), rcond=None)[0]
         off = float(np.abs(powers @ load - self._load_at(x)).max())

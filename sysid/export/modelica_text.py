@@ -25,7 +25,7 @@ _WORDS = """algorithm and annotation block break class connect connector constan
 elseif elsewhen encapsulated end enumeration equation expandable extends external false final flow for function if
 import impure in initial inner input loop model not operator or outer output package parameter partial protected public
 pure record redeclare replaceable return stream then true type when while within"""
-_TAKEN = "Real Integer Boolean String time pre sample size integer min max sum abs floor sqrt exp log sin cos tanh"
+_TAKEN = "Real Integer Boolean String time pre sample size integer min max sum abs floor sqrt exp log sin cos acos tanh"
 WORDS = {*_WORDS.split(), *_TAKEN.split()}
 TYPES = {"double": "Real", "long": "Integer", "int": "Boolean"}
 HELPERS = {
@@ -50,7 +50,7 @@ HELPERS = {
 GO = " go"  # whether a loop goes on: no name of C
 _INFINITE = "1.7976931348623157e308"  # Modelica has no infinite number: the largest one stands for it
 _FUNCTIONS = {"fabs": "abs", "min_of": "min", "max_of": "max"} | {
-    name: name for name in ("exp", "log", "sqrt", "sin", "cos", "tanh", "floor")
+    name: name for name in ("exp", "log", "sqrt", "sin", "cos", "acos", "tanh", "floor")
 }
 _SIGNS = {"==": "==", "!=": "<>", "&&": "and", "||": "or"} | {s: s for s in ("<", "<=", ">", ">=", "+", "-", "*", "/")}
 _RANKS = {"?": 0, "||": 1, "&&": 2, "!": 3, **dict.fromkeys(("==", "!=", "<", "<=", ">", ">="), 4)}

@@ -154,6 +154,8 @@ class Graph:
                 pass  # as the graph has it: infinite
         if op == "cos":  # which onnxruntime had in single precision alone for years
             return self.operation("sin", [self.operation("+", [args[0], np.pi / 2])])
+        if op == "acos":
+            return self._arc_cosine(args[0])
         if op in ("&&", "||"):
             for a, b in (args, args[::-1]):
                 if isinstance(a, bool):
@@ -178,7 +180,25 @@ class Graph:
             kind = result = "double"
         return self.add(NAMES[op], [self.name(a, kind) for a in args], result)
 
+    def _arc_cosine(self, w: Value) -> Value:
+        """acos w, which onnxruntime has in single precision alone: a polynomial, off by 7e-5, and Newton's steps.
 
+        Abramowitz and Stegun 1964, Handbook of Mathematical Functions, 4.4.45.
+        """
+        f, positive = self.operation, self.operation(">", [w, 0.0])
+        size: Value = f("fabs", [w])
+        guess: Value = _ARC[0]
+        for c in _ARC[1:]:
+            guess = f("+", [f("*", [guess, size]), c])
+        guess = f("*", [guess, f("sqrt", [f("-", [1.0, size])])])
+        guess = f("?", [positive, guess, f("-", [np.pi, guess])])
+        for _ in range(2):
+            off, slope = f("-", [f("cos", [guess]), w]), f("max_of", [f("sin", [guess]), 1e-300])
+            guess = f("+", [guess, f("/", [off, slope])])
+        return guess
+
+
+_ARC = (-0.0187293, 0.0742610, -0.2121144, 1.5707288)
 KNOWN: dict[str, Any] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,

@@ -117,7 +117,7 @@ class Steps:
         if e.op == "place_of":
             at, count = (self.value(a) for a in e.args)
             return self.graph.operation("min_of", [self.graph.operation("max_of", [at, 0]), cast(int, count) - 1])
-        if e.op not in (*NAMES, "!=", "cos"):
+        if e.op not in (*NAMES, "!=", "cos", "acos"):
             raise InputError(f"{e.op} is no function of ONNX; export with --c or --fmu")
         return self.graph.operation(e.op, [self.value(a) for a in e.args])
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sysid.base.errors import InputError
-from sysid.blocks import Motor, ServoMotor, TravelMap
+from sysid.blocks import Motor, ServoMotor, Travel, TravelMap
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.joint_parts import lift_theta, motor_of, sub
@@ -54,7 +54,7 @@ def variant(chain: Chain, choice: str, low: float, high: float) -> Chain:
         return chain
     fewer = replace(motor, stops=choice if choice in ("lower", "upper") else False)
     blocks, travel = tuple(fewer if b is motor else b for b in chain.blocks), travel_of(chain)
-    if travel is None or travel.knots == 2:
+    if travel is None or travel.is_line:
         return sub(chain, blocks)
     held = {"lower": {"map.high": high}, "upper": {"map.low": low}}.get(choice, {"map.low": low, "map.high": high})
     if choice == "straight":
@@ -108,7 +108,7 @@ def choose_ends(
         return present_ends(both)
     low, high = _end_outputs(both)
     travel = travel_of(chain)
-    curved = travel is not None and travel.knots > 2
+    curved = travel is not None and not travel.is_line
     fits = {"both": both}
     for choice in ENDS:
         if choice == "both" or (choice == "straight" and not curved):
@@ -172,7 +172,7 @@ def _end_outputs(fit: Fit) -> tuple[float, float]:
     """Outputs at the lower and upper stop."""
     for b in fit.model.blocks:
         part = fit.model.part(fit.theta, b)
-        if isinstance(b, TravelMap):
+        if isinstance(b, Travel):
             return float(part[0]), float(part[1])
         if isinstance(b, Motor):
             outputs = b.value(part, "lower"), b.value(part, "upper")

@@ -8,8 +8,7 @@ import numpy as np
 
 from sysid.base.errors import InputError
 from sysid.base.parallel import one_blas_thread
-from sysid.blocks import CoastingPlay, Compliance, Motor, Play, ServoMotor
-from sysid.blocks.motor import LOADS
+from sysid.blocks import CoastingPlay, Compliance, Linkage, Motor, Play, ServoMotor
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
 from sysid.estimation.fit import fit_chain
@@ -28,10 +27,11 @@ from sysid.motor_parts import TABLE
 from sysid.solver.iterate import Options
 from sysid.solver.linearisation import order_of
 
-PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands", "turns", "levers")
+PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands", "turns", "levers", "bends")
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
 _CLEAR = np.log(20.0)  # of a likelihood over another: strong odds (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995)
+BENDS = 4  # waves of what a linkage is off the triangle by
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -48,8 +48,8 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     "stribeck": more friction at rest than in motion, "sided": by direction; "loss": friction proportional to the load;
     "jams": at a struck stop; "plays": backlash, "coasts": of a link with inertia and weight; "sags": the supply of a
     servo; "bands": a dead band of its loop; "turns": a load that repeats every turn of a joint without linkage whose
-    `data` go over `TURNS_NEEDED`; "levers": a load that follows the slope of a bent linkage between two
-    stops, near a dead centre steeper than a parabola; and those of `sysid.motor_parts`.
+    `data` go over `TURNS_NEEDED`; "levers": the load and the friction of a bearing by the slope of the `Linkage`,
+    "bends": what that is off a triangle; and those of `sysid.motor_parts`.
     """
     motor, wanted = motor_of(plain), set(parts)
     options: dict[str, Any] = {name: name in wanted for name in ("stribeck", "sided")}
@@ -63,11 +63,11 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
         options |= {"periodic": 1, "period": turn_of(data) / _stroke(plain)}
     full = replace(motor, **options)
     full = replace(full, loss="loss" in wanted and full.loaded)
-    travel = travel_of(plain)
-    bent = travel is not None and travel.knots > 2
-    if "levers" in wanted and bent and full.loss and full.load == 3 and full.stops is True:  # beyond a stop it runs off
-        full = replace(full, load=len(LOADS))
+    if "levers" in wanted and isinstance(travel_of(plain), Linkage) and full.load and full.stops is True:
+        full = replace(full, lever=True, load=4)
     blocks = [full if block is motor else block for block in plain.blocks]
+    if "bends" in wanted:
+        blocks = [replace(b, bends=BENDS) if isinstance(b, Linkage) else b for b in blocks]
     if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):
         play = CoastingPlay(role="play") if "coasts" in wanted else Play(role="play")
         blocks.insert(len(blocks) - (blocks[-1].role == "sensor"), play)
@@ -97,7 +97,7 @@ def _stroke(chain: Chain) -> float:
     if travel is None:
         return 1.0
     ends = [chain.fixed.get(f"{travel.role}.{end}", np.nan) for end in ("low", "high")]
-    return float(np.nan_to_num(abs(ends[1] - ends[0]))) if travel.knots == 2 else 0.0
+    return float(np.nan_to_num(abs(ends[1] - ends[0]))) if travel.is_line else 0.0
 
 
 def with_turns(plain: Fit, data: IOData, cut: IOData, limit: Options, options: dict[str, Any]) -> Fit:

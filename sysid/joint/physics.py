@@ -1,13 +1,12 @@
 """Physics of an identified joint over its travel: ends, and the voltage that starts it at a place."""
 
 from collections.abc import Callable
-from types import SimpleNamespace
 
 import numpy as np
 from scipy.optimize import brentq
 
-from sysid.blocks import TravelMap
-from sysid.blocks.motor import load_at
+from sysid.blocks import Travel
+from sysid.blocks.motor import lost_of
 from sysid.estimation.joint_parts import motor_of
 from sysid.model.chain import Chain
 
@@ -16,9 +15,9 @@ _FARTHEST_STOP = 100.0  # strokes: a stop beyond is none
 _MAP_PLACES = 401  # of a travel map that is inverted
 
 
-def travel_of(chain: Chain) -> TravelMap | None:
+def travel_of(chain: Chain) -> Travel | None:
     """The chain's travel map, if it has one."""
-    return next((b for b in chain.blocks if isinstance(b, TravelMap)), None)
+    return next((b for b in chain.blocks if isinstance(b, Travel)), None)
 
 
 def ends_of(chain: Chain, theta: np.ndarray) -> tuple[float, float]:
@@ -52,11 +51,11 @@ def way_up(chain: Chain, theta: np.ndarray) -> int:
 def volts_to_move(chain: Chain, theta: np.ndarray, direction: int, static: bool, place: float | None = None) -> float:
     """Input [V] for friction and load in a direction of the motor, at its position `place` (None: mid stroke)."""
     motor = motor_of(chain)
-    p = SimpleNamespace(**{**motor.absent, **motor.by_name(chain.part(theta, motor))})
-    load = float(load_at(motor.at if place is None else place, p, motor))
+    part = chain.part(theta, motor)
+    p, (load, hold) = motor.named(part), motor.borne(part, motor.at if place is None else place)
     stick = p.stick_down if motor.sided and direction < 0 else p.stick
     dry = (p.rise if direction > 0 else p.fall) + (stick if static else 0.0)
-    return input_for_volts(chain, theta, load + direction * (dry + p.loss * abs(load)))
+    return input_for_volts(chain, theta, load + direction * (dry + lost_of(load, hold, direction, p)))
 
 
 def breakaway_over_place(chain: Chain, theta: np.ndarray) -> Callable[[float, int], float]:

@@ -34,7 +34,7 @@ from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
-from sysid.joint.starting_points import places_around, plays_of, starting_points
+from sysid.joint.starting_points import places_around, plays_of, starting_points, steps_from
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
 from sysid.structures import actuated_joint
@@ -142,7 +142,8 @@ def fit_joint(
     fitted to the record, and `warnings` say what it left out. Raises InputError for another chain or part, for seconds
     that are not positive, and the errors of `sysid.fit`.
     """
-    names, chain = tuple(parts), actuated_joint(play=False) if plain is None else plain
+    names = tuple(parts)
+    chain = actuated_joint(play=False) if plain is None else plain
     for name in names:
         if name not in (*PARTS, *TABLE):
             raise unknown("part of a joint", name, (*PARTS, *TABLE))
@@ -234,24 +235,28 @@ class _Search:
             last = rough if turn else stretches
             shaken = places_around(fit, last, colour_level(fit, last), rng)
             others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
+            others += steps_from(full, fit.theta, usual_values(full, units), rough)
             fit = self._round(full, np.array([*shaken, *others]), rough, units, level, fit.theta)
             level = min(level, float(np.sqrt(fit.criteria.mse)))
             scale = 0.5 * rough.N / level**2
             if scale * (before - fit.criteria.mse) < _SAME:
                 break
             before = fit.criteria.mse
-        searches = [fit]
+        ends, starts = fit, list[np.ndarray]()
         data, at_rate = self.data, chain_at_rate(plain.model, k)
         units = units_of(at_rate, theta_at_rate(plain.model, plain.theta, k), data)
         if k > 1:
             fit = _at_rate(fit, data, k, self.options, joint_objective(chain_at_rate(full, k), units, level))
             places = places_around(fit, data, colour_level(fit, data), rng)
             part, level = data.portion(2 * ENOUGH_SAMPLES), float(np.sqrt(fit.criteria.mse))
-            searches.append(self._round(fit.model, np.array(places), part, units, level, fit.theta))
-        starts = [fit.theta, *(estimate_initial(fit.model, f.theta, data) for f in searches[1:])]
+            nearer = self._round(fit.model, np.array(places), part, units, level, fit.theta)
+            starts.append(estimate_initial(fit.model, nearer.theta, data))
         objective = joint_objective(fit.model, units, colour_level(fit, data))
-        fit = fit_chain(fit.model, data, start=np.array(starts), objective=objective, **self.options)
-        ends = searches[int(np.argmin(fit.losses))]
+        fit = fit_chain(fit.model, data, start=np.array([fit.theta, *starts]), objective=objective, **self.options)
+        if k > 1:  # a strike at a stop more or fewer, with fewer samples, is a step that no search goes back
+            level = colour_level(fit, data)
+            places = places_around(fit, data, level, rng)
+            ends = fit = self._round(fit.model, np.array(places), data, units, level, fit.theta)
         heights = 0.5 * ends.criteria.N / ends.criteria.mse * (np.array(ends.losses) - min(ends.losses))
         return fit, int(np.sum(heights <= _SAME)), len(heights)
 

@@ -11,9 +11,10 @@ from typing import TypeVar
 import numpy as np
 
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play, ServoMotor
-from sysid.blocks.motor import LOADS
+from sysid.blocks import CoastingPlay, Linkage, Motor, Play, ServoMotor, Travel, TravelMap
+from sysid.blocks.linkage import SHAPE
 from sysid.data.record import IOData
+from sysid.data.wraps import DEGREES, turn_of
 from sysid.estimation.joint_parts import motor_of
 from sysid.estimation.objective import Objective
 from sysid.estimation.prior import Prior
@@ -30,7 +31,8 @@ T = TypeVar("T")
 # at 0.2 m, a way a radian long; a bearing holds it against a share of that. A record shows the lag and the delay of a
 # joint together far better than either: the plain joint gives their sum, 0.1 s at the least, for geared motors of this
 # size have time constants of some 10 ms, buses and filters delays of as much. Backlash is within 1 % of the way on most
-# gears. A supply's resistance is a fifth of the motor's and less.
+# gears. A supply's resistance is a fifth of the motor's and less. What a joint's bearing holds is a part of the drive's
+# friction, and a linkage is off its triangle by a few thousandths of the way, in long waves more than in short ones.
 KNOWN: dict[type, dict[str, Known]] = {
     Motor: {
         "lag": Known(0.5, 0.5, "response"),
@@ -39,11 +41,13 @@ KNOWN: dict[type, dict[str, Known]] = {
         "stick_down": Known(0.2, 0.2, "friction"),
         "stick_speed": Known(0.05, 0.025, "speed"),
         "load0": Known(0.0, 0.5, "friction"),
+        "bearing": Known(0.0, 0.3, "friction"),
         "loss": Known(0.2, 0.3, "one"),
         "jam": Known(0.0, 0.3, "time by speed"),
         **{f"{wave}{k}": Known(0.0, 2.0, "friction") for wave in ("sine", "cosine") for k in (1, 2)},
     },
     ServoMotor: {"sag": Known(0.0, 0.2, "one"), "dead": Known(0.0, 0.01, "angle")},
+    Linkage: {"stroke": Known(0.0, 0.5, "one"), **{f"d{k}": Known(0.0, 0.003 / k**2, "one") for k in range(1, 9)}},
     Play: {"width": Known(0.0, 0.015, "angle")},
     CoastingPlay: {
         "width": Known(0.0, 0.015, "angle"),
@@ -55,8 +59,11 @@ KNOWN: dict[type, dict[str, Known]] = {
 # Differences: friction by direction, and how far a point of the linkage is from the middle of its neighbours.
 # Drawn linkages of the twin are off by 0.003 to 0.006 of the way, by 0.016 beside the end that is near a dead centre.
 _SIDED_STICK, _SIDED, _BENT, _BENT_AT_ENDS = 0.1, 0.3, 0.005, 0.015
-_SLOPES = 9  # places of a linkage whose slopes tell the load of a torque
-_OFF_TORQUE = 0.05  # of the friction, by which the load may differ from that of a torque that is a parabola
+# Enclosed angles of a triangle [rad]: their middle, and how far they swing. Levers work about the perpendicular.
+_MIDDLE, _SWING = (0.5 * np.pi, 0.4), (1.4, 0.7)
+# The enclosed angle swings as far as the joint does, but for a gear: that is straight, the limit of a small swing.
+_GEAR = 0.5
+_TIED = 1e-3  # by which the shape of a lever may differ from that of its linkage
 _LEAST_RESPONSE = 0.1  # s
 _LEAST_FRICTION = 0.02  # of the largest input: a motor without friction leaves no scale for its parts
 
@@ -85,18 +92,16 @@ def units_of(chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
         "angle": way,
         "angle by time squared": way / second**2,
         "one by time squared": 1.0 / second**2,
-        **_slopes(chain, theta),
+        **_radian(travel, chain, theta, data),
     }
 
 
-def _slopes(chain: Chain, theta: np.ndarray) -> dict[str, float]:
-    """Slope of the linkage at equal steps of the stroke, by its mean."""
-    travel = travel_of(chain)
-    if travel is None or travel.knots == 2:
+def _radian(travel: Travel | None, chain: Chain, theta: np.ndarray, data: IOData) -> dict[str, float]:
+    """Of an output that is an angle, the size of a radian; negative where the output falls as the angle opens."""
+    if travel is None or data.y_unit not in ("rad", *DEGREES):
         return {}
-    x = np.linspace(0.0, 1.0, _SLOPES)
-    y, slope = travel.evaluate(chain.part(theta, travel), x, np.empty((_SLOPES, 0)), 0)
-    return {f"slope {k}": float(s) for k, s in enumerate(slope / (y[-1] - y[0]))}
+    low, high = chain.part(theta, travel)[:2]
+    return {"radian": float(np.copysign(turn_of(data) / (2.0 * np.pi), high - low))}
 
 
 def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
@@ -116,32 +121,24 @@ def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
     know({f"{role}.stick": 1.0, f"{role}.stick_down": -1.0}, 0.0, _SIDED_STICK * units["friction"])
     know({f"{role}.rise": 1.0, f"{role}.fall": -1.0}, 0.0, _SIDED * units["friction"])
     travel = travel_of(chain)
-    if travel is not None:
+    if isinstance(travel, Linkage):
+        ends = [f"{travel.role}.{name}" for name in ("angle0", "angle1")]
+        know(dict.fromkeys(ends, 0.5), *_MIDDLE)
+        swing = dict(zip(ends, (-1.0, 1.0), strict=True))
+        if "radian" in units:
+            turned = {f"{travel.role}.{name}": way / units["radian"] for name, way in (("low", 1.0), ("high", -1.0))}
+            know({**swing, **turned}, 0.0, _GEAR)
+        else:
+            know(swing, *_SWING)
+        for name in SHAPE:  # a lever is the linkage of its joint
+            know({f"{role}.{name}": 1.0, f"{travel.role}.{name}": -1.0}, 0.0, _TIED)
+    if isinstance(travel, TravelMap):
         for i in range(1, travel.knots - 1):
             neighbours = {f"{travel.role}.s{k}": -0.5 for k in (i - 1, i + 1) if 0 < k < travel.knots - 1}
             spread_here = _BENT_AT_ENDS if i in (1, travel.knots - 2) else _BENT
             know({f"{travel.role}.s{i}": 1.0, **neighbours}, 0.5 * (i + 2 == travel.knots), spread_here)
-    for row in _loads_off_torque(chain, units):
-        know(row, 0.0, _OFF_TORQUE * units["friction"])
     matrix = np.array([[row.get(name, 0.0) for name in chain.names] for row in rows]).reshape(-1, len(chain.names))
     return Prior(matrix, np.array(target), level / np.array(spread), chosen=True)
-
-
-def _loads_off_torque(chain: Chain, units: dict[str, float]) -> list[dict[str, float]]:
-    """What of a steep load no torque makes that is a parabola over the stroke, at each place: zero, by coefficients.
-
-    By virtual work a torque acts on the motor by the slope of the linkage there.
-    """
-    motor = motor_of(chain)
-    if not motor.steep or "slope 0" not in units:
-        return []
-    x = np.linspace(0.0, 1.0, _SLOPES)
-    slope = np.array([units[f"slope {k}"] for k in range(_SLOPES)])
-    loads = np.vander(x - motor.at, motor.load, increasing=True)
-    of_torque = slope[:, None] * loads[:, :3]
-    off = loads - of_torque @ np.linalg.lstsq(of_torque, loads, rcond=None)[0]
-    names = [f"{motor.role}.{name}" for name in LOADS[: motor.load]]
-    return [dict(zip(names, row, strict=True)) for row in off.tolist()]
 
 
 def joint_objective(chain: Chain, units: dict[str, float], level: float) -> Objective:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sysid.blocks import CoastingPlay, Play
 from sysid.data.record import IOData
+from sysid.estimation.initial_state import estimate_initial
 from sysid.estimation.joint_parts import lift_theta, shake_theta, sub
 from sysid.estimation.result import Fit
 from sysid.estimation.starts.staged_joint import play_starts
@@ -17,6 +18,7 @@ from sysid.uncertainty.information import information
 _POINTS = 24
 _DRAWN = 150  # backlashes, by what is usual
 _MOST = 8  # backlashes of either kind that are tried
+_STEPS = 9  # over what is usual of a parameter
 _SHAKES = 12  # places near an optimum
 _FAR = 3.0  # deviations of the posterior that a draw goes, per direction
 # Of backlash: widths by the way, bearings and weights by a way and second squared, and where the link hangs.
@@ -50,6 +52,28 @@ def places_around(fit: Fit, data: IOData, level: float, rng: np.random.Generator
     places = [shake_theta(fit.model, fit.theta, rng) for _ in range(_SHAKES // 2)]
     places += [fit.theta + _FAR * (root @ rng.standard_normal(root.shape[1])) for _ in range(_SHAKES // 2)]
     return [np.clip(place, *fit.model.limits) for place in places]
+
+
+def steps_from(
+    chain: Chain, theta: np.ndarray, values: dict[str, tuple[float, float]], data: IOData
+) -> list[np.ndarray]:
+    """Places (P,) one parameter of a part from theta, the best first: what a jam or a play does has no slope at zero.
+
+    Each is the best of `_STEPS` over what is usual, by the free run alone.
+    """
+    part = max(data.experiments, key=lambda experiment: experiment.N)
+    begins, seen, found = estimate_initial(chain, theta, part), part.observed[:, 0], []
+    for name, (centre, spread) in values.items():
+        k = chain.names.index(name)
+        places = np.clip(
+            np.linspace(centre - 2.0 * spread, centre + 2.0 * spread, _STEPS), *np.array(chain.limits)[:, k]
+        )
+        trials = np.tile(begins, (_STEPS, 1))
+        trials[:, k] = places
+        errors = np.array([np.sum((part.y[:, 0] - chain.simulate(trial, part.u))[seen] ** 2) for trial in trials])
+        best = int(np.argmin(np.nan_to_num(errors, nan=np.inf)))
+        found.append((errors[best], np.where(np.arange(len(theta)) == k, places[best], theta)))
+    return [place for _, place in sorted(found, key=lambda pair: pair[0])[:_MOST]]
 
 
 def _symmetric_root(factor: np.ndarray) -> np.ndarray:

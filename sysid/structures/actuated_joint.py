@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from sysid.base.checks import checked
 from sysid.base.errors import InputError, unknown
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Compliance, Motor, Play, Quantiser, TravelMap, static
+from sysid.blocks import CoastingPlay, Compliance, Linkage, Motor, Play, Quantiser, TravelMap, static
 from sysid.blocks.motor import STOPS
 from sysid.data.record import IOData
 from sysid.data.wraps import turn_of
@@ -23,7 +23,7 @@ _BENDS = 4  # knots of a linkage that may be bent at its ends
 def actuated_joint(
     driver: Map | None = None,
     motor: Motor | None = None,
-    knots: int | None = 9,
+    knots: int | None = 0,
     play: bool | Play | CoastingPlay = True,
     compliance: bool | Compliance = False,
     sensor: Map | None = None,
@@ -35,11 +35,11 @@ def actuated_joint(
 
     u [V] -> driver levels at intervals of `driver_step` [V] (None: none) -> driver (a static map, for example
     "dead_zone_saturation"; None: none) -> `Motor` (lag, dry friction with stick, load over position, delay, end stops)
-    -> smooth `TravelMap` of `knots` (None: none) -> `Play`, or the given `play` (False: none) -> `Compliance`, a link
-    on a spring (False: none) -> sensor (a static map, for example a `Custom` absolute value for a sensor without sign;
-    None: none) -> y. With a travel map the motor's position is in strokes, its stops are fixed at 0 and 1, and
-    `map.low` and `map.high` are the angles of the ends. Without a travel map the position is in the unit of y and has
-    no stops unless `motor` has them.
+    -> `Linkage`, or a smooth `TravelMap` of `knots` (None: neither) -> `Play`, or the given `play` (False: none)
+    -> `Compliance`, a link on a spring (False: none) -> sensor (a static map, for example a `Custom` absolute value for
+    a sensor without sign; None: none) -> y. With a linkage or travel map the motor's position is in strokes, its stops
+    are fixed at 0 and 1, and `map.low` and `map.high` are the angles of the ends. With neither the position is in the
+    unit of y and has no stops unless `motor` has them.
 
     `fixed` and `bounds` of the chain are by parameter, for example fixed={"play": [0.0]}. Dry friction and the driver's
     dead zone have the same effect unless the motor coasts: leave one of them out.
@@ -50,7 +50,8 @@ def actuated_joint(
         blocks.append(static(driver, "driver"))
     blocks.append(replace(block, role="motor"))
     if knots is not None:
-        blocks.append(TravelMap(knots, smooth=True, bent_ends=knots >= _BENDS, role="map"))
+        curve = TravelMap(knots, smooth=True, bent_ends=knots >= _BENDS) if knots else Linkage()
+        blocks.append(replace(curve, role="map"))
     if play:
         blocks.append(replace(Play() if play is True else play, role="play"))
     if compliance:
@@ -141,7 +142,7 @@ class ActuatedJoint(Recipe):
         return actuated_joint(
             driver=self.input_map,
             motor=joint_motor(self.load, self.stops, self.period),
-            knots=9 if self.mapped else None,
+            knots=0 if self.mapped else None,
             play=False,
             compliance=self.compliance == "on",
             sensor=self.output_map,

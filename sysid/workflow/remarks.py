@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from sysid.base.quantities import display_quantity, ratio, unit_of_channel
-from sysid.blocks import TravelMap
+from sysid.blocks import Travel
 from sysid.data.record import IOData
 from sysid.diagnosis.direction import confirmed, direction
 from sysid.estimation.result import Fit
@@ -124,8 +124,8 @@ def extrapolated_joint(fit: Fit, estimation: IOData, validation: IOData) -> list
     ]
 
 
-def _travel(fit: Fit) -> TravelMap | None:
-    return next((block for block in fit.model.blocks if isinstance(block, TravelMap)), None)
+def _travel(fit: Fit) -> Travel | None:
+    return next((block for block in fit.model.blocks if isinstance(block, Travel)), None)
 
 
 def _range(x: np.ndarray) -> tuple[float, float]:

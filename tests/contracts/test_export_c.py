@@ -32,7 +32,7 @@ SAMPLES = 10_000
 # and 4e-16). Single: measured 1.5e-5, of a
 # motor without stops; else 1.5e-6.
 DOUBLE, SINGLE = 2e-15, 3e-5
-LIBM = {"exp", "log", "sqrt", "pow", "sin", "cos", "tanh", "floor"}
+LIBM = {"exp", "log", "sqrt", "pow", "sin", "cos", "acos", "tanh", "floor"}
 
 
 @pytest.fixture(scope="module", params=FITS)

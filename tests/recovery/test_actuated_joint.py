@@ -59,7 +59,7 @@ SHARES = np.array([0.0, *(TRUE[f"map.s{k}"] for k in range(1, 8)), 1.0])
 
 
 def test_noise_free_parameters_come_back_from_starts_made_of_data():
-    chain = actuated_joint()
+    chain = actuated_joint(knots=9)
     data, _ = record(chain, 0, noise=0.0)
     fit = sysid.fit(chain, data, search="lm", starts=6, seed=0)
     own = ~chain.initial & chain.free
@@ -69,7 +69,7 @@ def test_noise_free_parameters_come_back_from_starts_made_of_data():
 
 @pytest.mark.slow
 def test_recovery_and_intervals_over_many_records(seeds):
-    chain = actuated_joint()
+    chain = actuated_joint(knots=9)
     truth, gaps, held = expected(chain), [], {name: [] for name in expected(chain)}
     for seed in seeds:
         data, clean = record(chain, seed)
@@ -89,7 +89,7 @@ def test_recovery_and_intervals_over_many_records(seeds):
 
 
 def test_physical_values_are_what_the_parameters_say():
-    chain = actuated_joint()
+    chain = actuated_joint(knots=9)
     data, _ = record(chain, 0)
     fit = sysid.fit(chain, data, search="lm", start=theta_of(chain))
     at_truth = {v.name: v for v in joint_values(replace(fit, theta=theta_of(chain)))}
@@ -101,7 +101,7 @@ def test_physical_values_are_what_the_parameters_say():
 @pytest.mark.parametrize(("play", "side"), [(True, -1.0), (CoastingPlay(), 1.0)])
 def test_end_stops_are_those_of_the_drive_and_the_output_rests_half_the_backlash_from_them(play, side):
     """Inside, where the drive pushes it there; beyond, where it coasts on without drag."""
-    chain = actuated_joint(play=play)
+    chain = actuated_joint(knots=9, play=play)
     y = chain.simulate(theta_of(chain), np.repeat([12.0, -12.0], 1000))
     half = 0.5 * TRUE["play.width"]
     assert y[999] == pytest.approx(TRUE["map.high"] + side * half, abs=1e-9)
@@ -109,8 +109,8 @@ def test_end_stops_are_those_of_the_drive_and_the_output_rests_half_the_backlash
 
 
 def test_a_driver_moves_the_break_away_voltage_by_its_dead_zone():
-    chain = actuated_joint(driver="dead_zone", fixed={"driver": [-0.4, 0.7]})
-    data, _ = record(actuated_joint(), 0)
+    chain = actuated_joint(knots=9, driver="dead_zone", fixed={"driver": [-0.4, 0.7]})
+    data, _ = record(actuated_joint(knots=9), 0)
     theta = theta_of(chain)
     theta[:2] = -0.4, 0.7
     fit = sysid.fit(chain, data, search="lm", start=theta, options=sysid.Options(max_iterations=1))
@@ -121,7 +121,7 @@ def test_a_driver_moves_the_break_away_voltage_by_its_dead_zone():
 
 
 def test_several_experiments_share_one_motor():
-    chain = actuated_joint()
+    chain = actuated_joint(knots=9)
     parts = []
     for seed in (1, 2):
         data, _ = record(chain, seed)
@@ -136,7 +136,7 @@ def test_several_experiments_share_one_motor():
 def test_parts_can_be_dropped_and_frozen():
     plain = actuated_joint(motor=Motor(load=0, delayed=False, stops=False), knots=None, play=False)
     assert plain.names == ("motor.gain", "motor.lag", "motor.rise", "motor.fall", "motor.x0", "motor.v0")
-    held = actuated_joint(fixed={"play": [0.0], "motor.lag": 0.5})
+    held = actuated_joint(knots=9, fixed={"play": [0.0], "motor.lag": 0.5})
     assert held.fixed["play.width"] == 0.0
     assert "motor.lag" not in [n for n, free in zip(held.names, held.free, strict=True) if free]
     with pytest.raises(InputError, match="needs a load"):
@@ -150,7 +150,7 @@ def test_parts_can_be_dropped_and_frozen():
 @pytest.fixture(scope="module")
 def fitted() -> tuple[sysid.Fit, IOData]:
     """A fit near the truth, and its record."""
-    chain = actuated_joint()
+    chain = actuated_joint(knots=9)
     data, _ = record(chain, 0)
     return sysid.fit(chain, data, search="lm", start=theta_of(chain)), data
 
@@ -201,15 +201,17 @@ def test_a_straight_sensor_changes_nothing_and_an_impossible_one_is_refused(fitt
 
 
 def test_the_width_of_a_coasting_play_is_its_backlash() -> None:
-    chain = actuated_joint(play=CoastingPlay())
-    data, _ = record(actuated_joint(), 0)
+    chain = actuated_joint(knots=9, play=CoastingPlay())
+    data, _ = record(actuated_joint(knots=9), 0)
     theta = theta_of(chain)
     theta[chain.names.index("play.drag")] = 0.002
     fit = sysid.fit(chain, data, search="lm", start=theta, options=sysid.Options(max_iterations=1))
     found = {v.name: v for v in joint_values(fit)}
     assert found["backlash"].value == fit.theta[chain.names.index("play.width")]
     assert found["backlash"].low < found["backlash"].value < found["backlash"].high
-    assert "backlash" not in {v.name for v in joint_values(sysid.fit(actuated_joint(play=False), data, starts=1))}
+    assert "backlash" not in {
+        v.name for v in joint_values(sysid.fit(actuated_joint(knots=9, play=False), data, starts=1))
+    }
 
 
 @pytest.mark.parametrize(("way", "starts"), [(1.0, 1.0 + 0.6), (-1.0, 1.5 + 0.2)])

@@ -23,12 +23,13 @@ from sysid.workflow.record import read_record
 from twin.cli import main
 
 TS, NOISE = 0.1, np.deg2rad(0.2)
+SHAPE = {"angle0": 0.9, "angle1": 2.2, "stroke": 0.4}
 TRUE = {
     **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.2, "motor.delay": 0.3},
     **{"motor.load1": 0.7, "motor.load2": -0.4, "motor.upper": 1.0, "motor.x0": 0.45},
     **{"motor.stick": 0.5, "motor.stick_down": 0.5, "motor.stick_speed": 0.001, "motor.loss": 0.3, "motor.load0": 0.3},
     **{"map.low": -0.9, "map.high": 0.4, "play.width": 0.015, "play.drag": 0.1, "play.pull1": 0.5},
-    **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
+    **{f"{role}.{name}": value for role in ("map", "motor") for name, value in SHAPE.items()},
 }
 JOINT = full_joint(actuated_joint(play=False))
 THETA = np.array([TRUE.get(name, 0.0) for name in JOINT.names])

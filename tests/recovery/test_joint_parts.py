@@ -26,11 +26,12 @@ from sysid.structures import actuated_joint
 pytestmark = pytest.mark.long  # all of them: they share the fits
 
 TS, N, NOISE = 0.1, 1000, np.deg2rad(0.2)
+SHAPE = {"angle0": 0.9, "angle1": 2.2, "stroke": 0.4}
 PLAIN = {
     **{"motor.gain": 0.0019, "motor.lag": 0.55, "motor.rise": 1.9, "motor.fall": 2.2, "motor.delay": 0.3},
     **{"motor.load1": 0.7, "motor.load2": -0.4, "motor.upper": 1.0},
     **{"map.low": -0.9, "map.high": 0.4},
-    **{f"map.s{k}": (k / 8) ** 1.15 for k in range(1, 8)},
+    **{f"{role}.{name}": value for role in ("map", "motor") for name, value in SHAPE.items()},
 }
 STRIBECK = {"motor.stick": 0.6, "motor.stick_speed": 0.002}
 SCREW = {"motor.load0": 0.8, "motor.loss": 0.4, "motor.jam": 400.0}  # 7 samples at full speed
@@ -82,7 +83,7 @@ def expected(plant: str) -> dict[str, float]:
     p = PLAIN | PLANTS[plant][1]
     load, stick = p.get("motor.load0", 0.0), p.get("motor.stick", 0.0)
     lost = p.get("motor.loss", 0.0) * abs(load)
-    share = 0.6**1.15 - 0.4**1.15  # the map's knots lie on this curve
+    share = share_at(0.6) - share_at(0.4)
     values = {
         "speed_per_volt": p["motor.gain"] * (p["map.high"] - p["map.low"]) * share / 0.2 / TS,
         "breakaway_up": load + p["motor.rise"] + stick + lost,
@@ -91,6 +92,13 @@ def expected(plant: str) -> dict[str, float]:
         "end_high": p["map.high"],
     }
     return values | ({"backlash": p["play.width"]} if "play.width" in p else {})
+
+
+def share_at(x: float) -> float:
+    """Of the way, at a share of the stroke, by the law of cosines: the actuator is 2 + x long."""
+    first, last, length = np.cos(0.9), np.cos(2.2), 2.0 + x  # stroke 0.4: it is 2 strokes long, and 2.5 in the mean
+    cosine = first + (last - first) * (length**2 - 4.0) / 5.0
+    return float((np.arccos(cosine) - 0.9) / 1.3)
 
 
 def aims(values: dict[str, float]) -> dict[str, float]:

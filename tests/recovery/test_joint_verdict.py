@@ -48,7 +48,7 @@ def joint(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """A motor of known friction between two stops that it meets."""
     chain = actuated_joint(motor=Motor(load=3), play=False)
     known = {"motor.gain": 0.006, "motor.lag": 2.0, "motor.rise": 1.2, "motor.fall": 1.5, "motor.upper": 1.0}
-    known |= {"map.low": -0.5, "map.high": 0.9, "motor.x0": 0.5} | {f"map.s{k}": k / 8 for k in range(1, 8)}
+    known |= {"map.low": -0.5, "map.high": 0.9, "motor.x0": 0.5, "map.angle0": 0.9, "map.angle1": 2.3}
     u = levels(rng)
     return u, chain.simulate(np.array([known.get(name, 0.0) for name in chain.names]), u)
 

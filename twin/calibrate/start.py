@@ -60,7 +60,7 @@ def from_joint(
     longest = max(data, key=lambda run: len(run.y))
     same = all(same_rate(run.Ts, longest.Ts) for run in data)
     record = IOData.merge(*data) if same and len(data) > 1 else longest
-    fit = fit_chain(actuated_joint(play=False), record, search="lm", starts=4, seed=seed, options=options)
+    fit = fit_chain(actuated_joint(knots=9, play=False), record, search="lm", starts=4, seed=seed, options=options)
     values = joint_values(fit)
     by_name = {value.name: value for value in values}
     missed_ends = _not_struck(data, by_name)

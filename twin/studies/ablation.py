@@ -11,7 +11,7 @@ from scipy.optimize import minimize_scalar
 import sysid
 from sysid.base.errors import InputError
 from sysid.block.block import Block
-from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, TravelMap
+from sysid.blocks import CoastingPlay, Motor, Play, Quantiser, Travel, TravelMap
 from sysid.data.preprocess import quick_start
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import sub
@@ -39,7 +39,7 @@ def _motor(chain: Chain, hold: dict[str, float], **options: Any) -> Chain:
 
 
 def _straight_linkage(chain: Chain) -> Chain:
-    return replace(chain, blocks=tuple(replace(b, knots=2) if isinstance(b, TravelMap) else b for b in chain.blocks))
+    return sub(chain, tuple(TravelMap(2, role=b.role) if isinstance(b, Travel) else b for b in chain.blocks))
 
 
 def _drop(chain: Chain, *kinds: type[Block]) -> Chain:

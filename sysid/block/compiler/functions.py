@@ -58,6 +58,7 @@ FUNCTIONS = {
     "logistic": Function(logistic, "{own} * (1.0 - {own})", _LOGISTIC, spelt=_spelt_logistic),
     "sin": _math("sin", "cos({a})"),
     "cos": _math("cos", "-sin({a})"),
+    "acos": _math("acos", "-1.0 / sqrt(1.0 - {a} * {a})"),
     "floor": Function(floor, _NONE, "from numpy import floor", "math.floor({})", "floor({})", "floor"),
     "sign": Function(sign, _NONE, "from numpy import sign", spelt=_spelt_sign),
     "abs": Function(

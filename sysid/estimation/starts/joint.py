@@ -6,7 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from sysid.block.block import Block
-from sysid.blocks import Compliance, Motor, Play, TravelMap
+from sysid.blocks import Compliance, Motor, Play, Travel
 from sysid.data.record import IOData
 from sysid.estimation.joint_parts import differ_in_motor, free_run_cost, motor_of
 from sysid.estimation.starts._start import Start, clip_to_bounds, longest
@@ -103,11 +103,12 @@ def _draw(chain: Chain, properties: _Record, rng: np.random.Generator, k: int) -
     """One candidate; the first is the simplest."""
     theta = np.zeros(len(chain.names))
     ends = _ends(chain, properties, rng)
-    mapped = any(isinstance(b, TravelMap) for b in chain.blocks)
+    mapped = any(isinstance(b, Travel) for b in chain.blocks)
     values = _physics(properties, ends, mapped, None if k == 0 else rng)
     span = max(abs(ends[1] - ends[0]), 1e-12)
     for b in chain.blocks:
-        theta[chain.index(b)] = _values(b, values, ends, span, properties)
+        part = _values(b, values, ends, span, properties)
+        theta[chain.index(b)] = b.vary(part, rng) if k and isinstance(b, Travel) else part
         if isinstance(b, Compliance) and k:
             theta[chain.index(b).start : chain.index(b).start + 2] = np.exp(rng.uniform(*np.log(_LINKS)))
     return clip_to_bounds(chain, theta)
@@ -170,7 +171,7 @@ def _values(
     """The parameters of one block of a candidate."""
     if isinstance(b, Motor):
         return np.array([values.get(slot.name, 0.0) for slot in b.slots()])
-    if isinstance(b, TravelMap):
+    if isinstance(b, Travel):
         part = b.start(np.zeros(1))
         part[:2] = ends
         return part
