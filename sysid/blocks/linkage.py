@@ -23,7 +23,7 @@ SHAPE_SLOTS = (
     Slot("stroke", lower=-1.9, upper=1.9),
 )
 _KINKS = 8
-_PLACES = np.linspace(0.0, 1.0, 33)
+_PLACES = np.linspace(0.0, 1.0, 101)
 
 
 def cosine_at(x, p):
@@ -48,7 +48,8 @@ def value(x, p, block):
     cosine = cosine_at(inside, p)
     s = share_of(cosine, p) + (x - inside) * slope_at(inside, cosine, p)
     for k in range(block.bends):
-        s += p.d[k] * sin((k + 1) * pi * inside)
+        wave = (k + 1) * pi
+        s += p.d[k] * (sin(wave * inside) + (x - inside) * wave * cos(wave * inside))
     return p.low + (p.high - p.low) * s
 
 

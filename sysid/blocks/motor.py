@@ -177,8 +177,13 @@ class Motor(Recursion):
         for part in self.further:
             if part not in TABLE:
                 raise unknown("part of a motor", part, TABLE)
-        if self.lever and not (self.load and self.stops is True):  # beyond its ends a triangle does not close
-            raise InputError("lever=True needs a load and both end stops; give load from 1 to 4, and stops=True")
+        if self.lever and (
+            self.periodic or not (self.load and self.stops is True)
+        ):  # beyond its ends no triangle closes
+            raise InputError(
+                "lever=True needs a load from 1 to 4, none that is periodic, and both end stops; give load=4, "
+                "periodic=0 and stops=True"
+            )
         if self.substeps < 1:
             raise InputError(f"substeps is {self.substeps}; give at least 1")
 

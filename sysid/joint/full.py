@@ -20,7 +20,7 @@ from sysid.estimation.problem import ChainProblem
 from sysid.estimation.result import Fit
 from sysid.estimation.search import SearchContext, set_curvature_weight
 from sysid.joint.physics import travel_of
-from sysid.joint.prior import joint_objective, units_of, usual_values
+from sysid.joint.prior import BENDS, LOOSE, joint_objective, units_of, usual_values
 from sysid.joint.sampling import ENOUGH_SAMPLES
 from sysid.model.chain import Chain
 from sysid.motor_parts import TABLE
@@ -31,7 +31,6 @@ PARTS = ("stribeck", "sided", "loss", "jams", "plays", "coasts", "sags", "bands"
 TURNS_NEEDED = (0.25, 20.0)  # turns of a record that may show a load that repeats every turn
 _GLANCE = 2  # iterations at each starting point, after which half of them go on
 _CLEAR = np.log(20.0)  # of a likelihood over another: strong odds (Kass and Raftery, J. Amer. Statist. Assoc. 90, 1995)
-BENDS = 4  # waves of what a linkage is off the triangle by
 SUBSTEPS = 4  # of a sample, for a curve of friction that changes within it
 
 
@@ -76,6 +75,12 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
         told.add(f"{motor.role}.load0")
     fixed = {name: value for name, value in plain.fixed.items() if name not in told or value != 0.0}
     return sub(replace(plain, fixed=fixed), tuple(blocks))
+
+
+def loose_linkage(chain: Chain) -> Chain:
+    """The joint with a linkage that may be far from a triangle: a cam, four bars; itself if it has no bends."""
+    blocks = [replace(b, bends=LOOSE) if isinstance(b, Linkage) and b.bends else b for b in chain.blocks]
+    return sub(chain, tuple(blocks))
 
 
 def at_rest(chain: Chain) -> Chain:

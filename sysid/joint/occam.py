@@ -74,6 +74,18 @@ def log_odds_of_parts(full: Fit, plain: Fit, data: IOData, level: float) -> floa
     return float(odds + np.sum(above[0] - above[1]))
 
 
+def log_odds_of_bends(loose: Fit, triangle: Fit, data: IOData, level: float) -> float:
+    """Logarithm of the odds of a linkage with many bends against a triangle with few, of joints alike otherwise."""
+    heights = []
+    for fit in (loose, triangle):
+        peak, begins = _Peak.of(fit, data, level), set(np.array(fit.model.names)[fit.model.initial])
+        names = sorted(peak.known(peak.record + peak.prior) - begins)
+        bends = [name for name in names if name.startswith("map.d")]
+        before, after = peak.block(peak.prior, bends), peak.block(peak.record + peak.prior, names)
+        heights.append(0.5 * (_log_det(before) - _log_det(after)) - peak.fall)
+    return heights[0] - heights[1]
+
+
 def _log_det(precision: np.ndarray) -> float:
     size, correlations = _by_its_size(precision)
     return float(np.linalg.slogdet(correlations)[1] + 2.0 * np.sum(np.log(size)))

@@ -27,9 +27,9 @@ from sysid.joint.clock import Clock
 from sysid.joint.ends import WORDS as ENDS_IN_WORDS
 from sysid.joint.ends import choose_ends, present_ends, straight_for
 from sysid.joint.evidence import stop_tests
-from sysid.joint.full import PARTS, at_rest, best_points, colour_level, full_joint, is_plain
+from sysid.joint.full import PARTS, at_rest, best_points, colour_level, full_joint, is_plain, loose_linkage
 from sysid.joint.holdout import holdout_errors, holdout_folds
-from sysid.joint.occam import log_odds_of_parts
+from sysid.joint.occam import log_odds_of_bends, log_odds_of_parts
 from sysid.joint.parts import PartEvidence, parts_of
 from sysid.joint.physics import ends_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
@@ -225,23 +225,19 @@ class _Search:
         rng = np.random.default_rng([self.options["seed"], len(plain.theta)])
         full, units = full_joint(plain.model, rough, self.parts), units_of(plain.model, plain.theta, rough)
         points = np.array(list(starting_points(plain, full, usual_values(full, units), rough, rng)))
-        stretches, before = cut_at_rests(rough, plain.model), np.inf
+        stretches = cut_at_rests(rough, plain.model)
         first = full if stretches is rough else at_rest(full)
         objective = joint_objective(first, units, _FIRST_LEVEL * float(np.sqrt(plain.criteria.mse)))
         # All go on for some iterations: on 4 of 8 drawn legs the best was not among the first four after two.
         fit = fit_chain(first, stretches, start=points, objective=objective, **self.options)
-        level = float(np.sqrt(fit.criteria.mse))
-        for turn in range(_ROUNDS):
-            last = rough if turn else stretches
-            shaken = places_around(fit, last, colour_level(fit, last), rng)
-            others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
-            others += steps_from(full, fit.theta, usual_values(full, units), rough)
-            fit = self._round(full, np.array([*shaken, *others]), rough, units, level, fit.theta)
-            level = min(level, float(np.sqrt(fit.criteria.mse)))
-            scale = 0.5 * rough.N / level**2
-            if scale * (before - fit.criteria.mse) < _SAME:
-                break
-            before = fit.criteria.mse
+        fit, level = self._rounds(full, fit, stretches, units, rng)
+        loose = loose_linkage(full)
+        objective = joint_objective(loose, units, level)
+        free = fit_chain(loose, rough, start=_lifted(fit, loose), objective=objective, **self.options)
+        if loose != full and log_odds_of_bends(free, fit, rough, colour_level(fit, rough)) > _SAME:
+            full, points = loose, np.array([lift_theta(full, point, loose, {}) for point in points])
+            fit = fit_chain(loose, rough, start=np.array([free.theta, *points]), objective=objective, **self.options)
+            fit, level = self._rounds(loose, fit, rough, units, rng)
         ends, starts = fit, list[np.ndarray]()
         data, at_rate = self.data, chain_at_rate(plain.model, k)
         units = units_of(at_rate, theta_at_rate(plain.model, plain.theta, k), data)
@@ -272,6 +268,22 @@ class _Search:
         odds = log_odds_of_parts(full, plain, self.data, level)
         return (plain if odds < 0.0 else full), odds
 
+    def _rounds(
+        self, full: Chain, fit: Fit, seen: IOData, units: dict[str, float], rng: np.random.Generator
+    ) -> tuple[Fit, float]:
+        """Rounds over the whole record from a fit to `seen`, until one brings nothing, and the noise's deviation."""
+        rough, before, level = self.rough, np.inf, float(np.sqrt(fit.criteria.mse))
+        for _ in range(_ROUNDS):
+            shaken = places_around(fit, seen, colour_level(fit, seen), rng)
+            others = [lift_theta(full, fit.theta, full, play) for play in plays_of(full, fit.theta, rough, rng)]
+            others += steps_from(full, fit.theta, usual_values(full, units), rough)
+            fit = self._round(full, np.array([*shaken, *others]), rough, units, level, fit.theta)
+            level, seen = min(level, float(np.sqrt(fit.criteria.mse))), rough
+            if 0.5 * rough.N / level**2 * (before - fit.criteria.mse) < _SAME:
+                break
+            before = fit.criteria.mse
+        return fit, level
+
     def _round(
         self,
         chain: Chain,
@@ -285,6 +297,11 @@ class _Search:
         objective = joint_objective(chain, units, level)
         leaders = np.array([last, *best_points(chain, points, data, _LEADERS - 1, objective)])
         return fit_chain(chain, data, start=leaders, objective=objective, **self.options)
+
+
+def _lifted(fit: Fit, chain: Chain) -> np.ndarray:
+    """The fit's parameters in a chain with more (1, P)."""
+    return lift_theta(fit.model, fit.theta, chain, {})[None]
 
 
 def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ KNOWN: dict[type, dict[str, Known]] = {
         **{f"{wave}{k}": Known(0.0, 2.0, "friction") for wave in ("sine", "cosine") for k in (1, 2)},
     },
     ServoMotor: {"sag": Known(0.0, 0.2, "one"), "dead": Known(0.0, 0.01, "angle")},
-    Linkage: {"stroke": Known(0.0, 0.5, "one"), **{f"d{k}": Known(0.0, 0.003 / k**2, "one") for k in range(1, 9)}},
+    Linkage: {"stroke": Known(0.0, 0.5, "one"), **{f"d{k}": Known(0.0, 1.0 / k**2, "bend") for k in range(1, 8)}},
     Play: {"width": Known(0.0, 0.015, "angle")},
     CoastingPlay: {
         "width": Known(0.0, 0.015, "angle"),
@@ -61,6 +61,8 @@ KNOWN: dict[type, dict[str, Known]] = {
 _SIDED_STICK, _SIDED, _BENT, _BENT_AT_ENDS = 0.1, 0.3, 0.005, 0.015
 # Enclosed angles of a triangle [rad]: their middle, and how far they swing. Levers work about the perpendicular.
 _MIDDLE, _SWING = (0.5 * np.pi, 0.4), (1.4, 0.7)
+BENDS, LOOSE = 4, 7  # waves of what a linkage is off the triangle by, and of one that is none: a cam, four bars
+_OFF_TRIANGLE, _OFF_LOOSE = 0.003, 0.1  # of the way, the size of the longest wave of either
 # The enclosed angle swings as far as the joint does, but for a gear: that is straight, the limit of a small swing.
 _GEAR = 0.5
 _TIED = 1e-3  # by which the shape of a lever may differ from that of its linkage
@@ -153,7 +155,9 @@ def known_of(block: Block, name: str, table: Mapping[type, Mapping[str, T]]) -> 
 
 def usual_values(chain: Chain, units: dict[str, float]) -> dict[str, tuple[float, float]]:
     """Centre and deviation of each free parameter by its name, in the chain's units."""
-    values = {}
+    values, travel = {}, travel_of(chain)
+    loose = isinstance(travel, Linkage) and travel.bends > BENDS
+    units = {**units, "bend": _OFF_LOOSE if loose else _OFF_TRIANGLE}
     for block in chain.blocks:
         for slot in block.slots():
             name = f"{block.role}.{slot.name}"
