@@ -63,8 +63,9 @@ _SIDED_STICK, _SIDED, _BENT, _BENT_AT_ENDS = 0.1, 0.3, 0.005, 0.015
 _MIDDLE, _SWING = (0.5 * np.pi, 0.4), (1.4, 0.7)
 BENDS, LOOSE = 4, 7  # waves of what a linkage is off the triangle by, and of one that is none: a cam, four bars
 _OFF_TRIANGLE, _OFF_LOOSE = 0.003, 0.1  # of the way, the size of the longest wave of either
-# The enclosed angle swings as far as the joint does, but for a gear: that is straight, the limit of a small swing.
-_GEAR = 0.5
+_OFF_SLOPE = (
+    0.1  # rad by which the enclosed angle swings more or less than the joint: a potentiometer of 5 % over 2 rad
+)
 _TIED = 1e-3  # by which the shape of a lever may differ from that of its linkage
 _LEAST_RESPONSE = 0.1  # s
 _LEAST_FRICTION = 0.02  # of the largest input: a motor without friction leaves no scale for its parts
@@ -129,7 +130,7 @@ def joint_prior(chain: Chain, units: dict[str, float], level: float) -> Prior:
         swing = dict(zip(ends, (-1.0, 1.0), strict=True))
         if "radian" in units:
             turned = {f"{travel.role}.{name}": way / units["radian"] for name, way in (("low", 1.0), ("high", -1.0))}
-            know({**swing, **turned}, 0.0, _GEAR)
+            know({**swing, **turned}, 0.0, _OFF_SLOPE)
         else:
             know(swing, *_SWING)
         for name in SHAPE:  # a lever is the linkage of its joint
