@@ -19,7 +19,7 @@ from sysid.base.parallel import one_blas_thread
 from sysid.data.record import IOData
 from sysid.estimation.fit import fit_chain
 from sysid.estimation.initial_state import estimate_initial
-from sysid.estimation.joint_parts import lift_theta
+from sysid.estimation.joint_parts import lift_theta, sub
 from sysid.estimation.objective import LEAST_SQUARES, Objective
 from sysid.estimation.result import Fit
 from sysid.estimation.starts import starts as make_starts
@@ -31,7 +31,7 @@ from sysid.joint.full import PARTS, at_rest, best_points, colour_level, full_joi
 from sysid.joint.holdout import holdout_errors, holdout_folds
 from sysid.joint.occam import log_odds_of_bends, log_odds_of_parts
 from sysid.joint.parts import PartEvidence, parts_of
-from sysid.joint.physics import ends_of
+from sysid.joint.physics import ends_of, travel_of
 from sysid.joint.prior import joint_objective, units_of, usual_values
 from sysid.joint.sampling import ENOUGH_SAMPLES, chain_at_rate, cut_at_rests, theta_at_rate, thin, thinning_factor
 from sysid.joint.starting_points import places_around, plays_of, starting_points, steps_from
@@ -260,8 +260,10 @@ class _Search:
         """The joint with all parts, or the plain one where that is likelier, and the logarithm of the odds."""
         level, at_rate = colour_level(full, self.data), chain_at_rate(self.plain.model, self.k)
         begins = {name: value for name, value in at_rate.fixed.items() if not name.endswith(".v0")}  # as the full one
-        at_rate = replace(at_rate, fixed=begins)
-        start = theta_at_rate(self.plain.model, self.plain.theta, self.k)
+        linkage = travel_of(full.model)  # its bends are no part
+        blocks = tuple(linkage if linkage and b is travel_of(at_rate) else b for b in at_rate.blocks)
+        at_rate = sub(replace(at_rate, fixed=begins), blocks)
+        start = lift_theta(self.plain.model, theta_at_rate(self.plain.model, self.plain.theta, self.k), at_rate, {})
         objective = joint_objective(at_rate, units_of(at_rate, start, self.data), level)
         points = np.array([start, lift_theta(full.model, full.theta, at_rate, {})])
         plain = fit_chain(at_rate, self.data, start=points, objective=objective, **self.options)
