@@ -65,7 +65,7 @@ def full_joint(plain: Chain, data: IOData | None = None, parts: Iterable[str] = 
     if "levers" in wanted and isinstance(travel_of(plain), Linkage) and full.load and full.stops is True:
         full = replace(full, lever=True, load=4)
     blocks = [full if block is motor else block for block in plain.blocks]
-    if "bends" in wanted:
+    if "bends" in wanted and full.stops is True:  # else the stroke is that of the record
         blocks = [replace(b, bends=BENDS) if isinstance(b, Linkage) else b for b in blocks]
     if wanted & {"plays", "coasts"} and not any(isinstance(block, Compliance) for block in blocks):
         play = CoastingPlay(role="play") if "coasts" in wanted else Play(role="play")
