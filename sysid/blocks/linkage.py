@@ -10,7 +10,6 @@ from sysid.base.checks import checked
 from sysid.base.errors import InputError
 from sysid.block.block import Slot
 from sysid.block.compiler.recursion import Map
-from sysid.block.symmetry import Symmetry
 from sysid.blocks.travel_map import Travel
 
 SHAPE = ("angle0", "angle1", "stroke")
@@ -114,8 +113,3 @@ class Linkage(Map, Travel):
         middle, swing = 0.5 * np.pi + 0.4 * rng.normal(), np.exp(rng.uniform(*np.log([0.3, 2.0])))
         ends = np.clip([middle - 0.5 * swing, middle + 0.5 * swing], _NEAREST, np.pi - _NEAREST)
         return np.array([*theta[:2], *ends, rng.uniform(-0.7, 0.7), *theta[5:]])
-
-    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        shift = np.zeros(len(theta))
-        shift[:2] = 1.0
-        return [Symmetry(shift * theta, out_scale=1.0), Symmetry(shift, out_shift=1.0)]

@@ -25,7 +25,7 @@ SHORTEST = 1e-12  # samples; what is left of a sample below it is over
 MOST_WAVES = 2  # harmonics of a periodic load
 STOPS: dict[str, bool | str] = {"both": True, "lower": "lower", "upper": "upper", "none": False}
 LOADS = tuple(f"load{i}" for i in range(4))  # coefficients of the load over the position
-_VOLTS = ("rise", "fall", "stick", "stick_down", *LOADS)
+_VOLTS = ("rise", "fall", "stick", "stick_down", "bearing", *LOADS)
 MOST_LOSS = 3.0  # of the load: a screw that raises with an efficiency of a quarter
 
 
@@ -63,7 +63,7 @@ def stretch(s, w, h, p, block):
             if block.lever:
                 load, hold, rise, bend = lever_at(s.position, p, block)
             else:
-                load, rise = load_at(s.position, p, block), rise_at(s.position, p, block)
+                load = load_at(s.position, p, block)
         way = sign(s.speed)
         stick_down = p.stick_down if block.sided else p.stick
         if way == 0.0 and w - load > p.rise + p.stick + lost_of(load, hold, 1.0, p) and s.position < p.upper:
@@ -80,6 +80,8 @@ def stretch(s, w, h, p, block):
         drag += drag_of_parts(s, p, block)
         decay = exp(-h / p.lag)
         if block.bent and fresh:
+            if not block.lever:
+                rise = rise_at(s.position, p, block)
             target = p.gain * (w - load - way * (drag + lost_of(load, hold, way, p)))
             held = p.lag * (1.0 - decay)
             # The middle of the way that is left, as far as the stops leave it. Where the load rises the way is that of
@@ -177,9 +179,8 @@ class Motor(Recursion):
         for part in self.further:
             if part not in TABLE:
                 raise unknown("part of a motor", part, TABLE)
-        if self.lever and (
-            self.periodic or not (self.load and self.stops is True)
-        ):  # beyond its ends no triangle closes
+        # Beyond its ends no triangle closes.
+        if self.lever and (self.periodic or not (self.load and self.stops is True)):
             raise InputError(
                 "lever=True needs a load from 1 to 4, none that is periodic, and both end stops; give load=4, "
                 "periodic=0 and stops=True"
@@ -368,7 +369,6 @@ class Motor(Recursion):
             return np.array([moves.get(name, 0.0) * value for name, value in zip(names, theta, strict=True)])
 
         volts = {"gain": -1.0, **dict.fromkeys(_VOLTS, 1.0), **dict.fromkeys(self.waves, 1.0)}
-        volts["bearing"] = 1.0
         volts |= {name: power for part in self.further for name, power in TABLE[part].volts.items()}
         changes = [Symmetry(along(volts), in_scale=1.0)]
         if self.load and not self.lever:

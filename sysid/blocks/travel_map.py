@@ -33,6 +33,11 @@ class Travel(StaticBlock):
     def is_line(self) -> bool:
         """Whether it is a line."""
 
+    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
+        shift = np.zeros(len(theta))
+        shift[:2] = 1.0
+        return [Symmetry(shift * theta, out_scale=1.0), Symmetry(shift, out_shift=1.0)]
+
 
 @checked
 @dataclass(frozen=True)
@@ -152,8 +157,3 @@ class TravelMap(Written, Travel):
                 if 0 <= j < n:
                     d[i, 2 + j] = weight * (self.knots - 1)
         return np.diff(self._shares(theta), 2) * (self.knots - 1), d
-
-    def symmetries(self, theta: np.ndarray) -> list[Symmetry]:
-        shift = np.zeros(len(theta))
-        shift[:2] = 1.0
-        return [Symmetry(shift * theta, out_scale=1.0), Symmetry(shift, out_shift=1.0)]

@@ -254,8 +254,9 @@ class _Parts:
             return self.load
         x = np.linspace(self.lower, self.upper, 401)
         powers = np.vander(x - self.motor.at, 4, increasing=True)
-        load = np.linalg.lstsq(powers, self._load_at(x), rcond=None)[0]
-        off = float(np.abs(powers @ load - self._load_at(x)).max())
+        known = self._load_at(x)
+        load = np.linalg.lstsq(powers, known, rcond=None)[0]
+        off = float(np.abs(powers @ load - known).max())
         if off > _LOAD_OFF * self.friction:
             self.left_out += (
                 f"the load beyond a cubic: {off:.2g} V at most, beside a friction of {self.friction:.2g} V",

@@ -142,8 +142,7 @@ def fit_joint(
     fitted to the record, and `warnings` say what it left out. Raises InputError for another chain or part, for seconds
     that are not positive, and the errors of `sysid.fit`.
     """
-    names = tuple(parts)
-    chain = actuated_joint(play=False) if plain is None else plain
+    names, chain = tuple(parts), actuated_joint(play=False) if plain is None else plain
     for name in names:
         if name not in (*PARTS, *TABLE):
             raise unknown("part of a joint", name, (*PARTS, *TABLE))
@@ -232,12 +231,14 @@ class _Search:
         fit = fit_chain(first, stretches, start=points, objective=objective, **self.options)
         fit, level = self._rounds(full, fit, stretches, units, rng)
         loose = loose_linkage(full)
-        objective = joint_objective(loose, units, level)
-        free = fit_chain(loose, rough, start=_lifted(fit, loose), objective=objective, **self.options)
-        if loose != full and log_odds_of_bends(free, fit, rough, colour_level(fit, rough)) > _SAME:
-            full, points = loose, np.array([lift_theta(full, point, loose, {}) for point in points])
-            fit = fit_chain(loose, rough, start=np.array([free.theta, *points]), objective=objective, **self.options)
-            fit, level = self._rounds(loose, fit, rough, units, rng)
+        if loose != full:
+            objective = joint_objective(loose, units, level)
+            start = lift_theta(full, fit.theta, loose, {})[None]
+            free = fit_chain(loose, rough, start=start, objective=objective, **self.options)
+            if log_odds_of_bends(free, fit, rough, colour_level(fit, rough)) > _SAME:
+                again = np.array([free.theta, *(lift_theta(full, point, loose, {}) for point in points)])
+                full, fit = loose, fit_chain(loose, rough, start=again, objective=objective, **self.options)
+                fit, level = self._rounds(full, fit, rough, units, rng)
         ends, starts = fit, list[np.ndarray]()
         data, at_rate = self.data, chain_at_rate(plain.model, k)
         units = units_of(at_rate, theta_at_rate(plain.model, plain.theta, k), data)
@@ -299,11 +300,6 @@ class _Search:
         objective = joint_objective(chain, units, level)
         leaders = np.array([last, *best_points(chain, points, data, _LEADERS - 1, objective)])
         return fit_chain(chain, data, start=leaders, objective=objective, **self.options)
-
-
-def _lifted(fit: Fit, chain: Chain) -> np.ndarray:
-    """The fit's parameters in a chain with more (1, P)."""
-    return lift_theta(fit.model, fit.theta, chain, {})[None]
 
 
 def _unmet_ends(fit: Fit, data: IOData) -> tuple[str, ...]:

@@ -63,9 +63,7 @@ _SIDED_STICK, _SIDED, _BENT, _BENT_AT_ENDS = 0.1, 0.3, 0.005, 0.015
 _MIDDLE, _SWING = (0.5 * np.pi, 0.4), (1.4, 0.7)
 BENDS, LOOSE = 4, 7  # waves of what a linkage is off the triangle by, and of one that is none: a cam, four bars
 _OFF_TRIANGLE, _OFF_LOOSE = 0.003, 0.1  # of the way, the size of the longest wave of either
-_OFF_SLOPE = (
-    0.1  # rad by which the enclosed angle swings more or less than the joint: a potentiometer of 5 % over 2 rad
-)
+_OFF_SLOPE = 0.1  # rad by which the enclosed angle swings more or less: a potentiometer of 5 % over 2 rad
 _TIED = 1e-3  # by which the shape of a lever may differ from that of its linkage
 _LEAST_RESPONSE = 0.1  # s
 _LEAST_FRICTION = 0.02  # of the largest input: a motor without friction leaves no scale for its parts
